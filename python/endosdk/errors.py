@@ -1,0 +1,152 @@
+"""Every error endosdk raises: a stable code, the argument, the rule and the value seen.
+
+Each class also derives from the built-in exception that fits, so ``except ValueError`` keeps working. The numbers
+are the status codes of the C library; they are appended to, never reused.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class ErrorCode(IntEnum):
+    """Stable numbers shared by Python and C."""
+
+    OK = 0
+    INVALID_ARGUMENT = 1
+    INVALID_CALIBRATION = 2
+    CALIBRATION_REQUIRED = 3
+    CALIBRATION_SIZE_MISMATCH = 4
+    CALIBRATION_UNREADABLE = 5
+    MODEL_NOT_FOUND = 6
+    MODEL_UNREADABLE = 7
+    MODEL_METADATA = 8
+    MODEL_HASH_MISMATCH = 9
+    RUNTIME_MISSING = 10
+    RUNTIME_CONFLICT = 11
+    PROVIDER_UNAVAILABLE = 12
+    INFERENCE_FAILED = 13
+    DATASET_INVALID = 14
+    DEPENDENCY_MISSING = 15
+    RENDERER_UNAVAILABLE = 16
+    STORAGE_FAILED = 17
+
+
+class EndoError(Exception):
+    """Base of all errors of this package.
+
+    ``code`` is an `ErrorCode`, ``argument`` the name of what was wrong, ``rule`` what it must satisfy, ``value`` what
+    was seen instead.
+    """
+
+    code: ErrorCode = ErrorCode.INVALID_ARGUMENT
+
+    def __init__(self, argument: str, rule: str, value: object) -> None:
+        self.argument = argument
+        self.rule = rule
+        self.value = value
+        super().__init__(f"{argument}: {rule}; got {value} [{self.code.name}]")
+
+    def __reduce__(self) -> tuple[type[EndoError], tuple[str, str, object]]:
+        """Keep the three parts when the error crosses a process boundary."""
+        return type(self), (self.argument, self.rule, self.value)
+
+
+class InvalidArgument(EndoError, ValueError):
+    """An argument has the wrong type, shape, size or range."""
+
+
+class InvalidCalibration(EndoError, ValueError):
+    """The numbers of a calibration cannot describe a stereo rig."""
+
+    code = ErrorCode.INVALID_CALIBRATION
+
+
+class CalibrationRequired(EndoError, RuntimeError):
+    """Metric output was asked for without a calibration."""
+
+    code = ErrorCode.CALIBRATION_REQUIRED
+
+
+class CalibrationSizeMismatch(EndoError, ValueError):
+    """The calibration belongs to another image size."""
+
+    code = ErrorCode.CALIBRATION_SIZE_MISMATCH
+
+
+class CalibrationUnreadable(EndoError, ValueError):
+    """A calibration file is missing, broken or in no known layout."""
+
+    code = ErrorCode.CALIBRATION_UNREADABLE
+
+
+class ModelNotFound(EndoError, FileNotFoundError):
+    """No shipped model has this name and no file has this path."""
+
+    code = ErrorCode.MODEL_NOT_FOUND
+
+
+class ModelUnreadable(EndoError, ValueError):
+    """The bytes are not an ONNX model that the runtime accepts."""
+
+    code = ErrorCode.MODEL_UNREADABLE
+
+
+class ModelMetadata(EndoError, ValueError):
+    """The model lacks, or contradicts, what its metadata must say."""
+
+    code = ErrorCode.MODEL_METADATA
+
+
+class ModelHashMismatch(EndoError, ValueError):
+    """The bytes of a shipped model are not the ones that were released."""
+
+    code = ErrorCode.MODEL_HASH_MISMATCH
+
+
+class RuntimeMissing(EndoError, ImportError):
+    """No onnxruntime is installed."""
+
+    code = ErrorCode.RUNTIME_MISSING
+
+
+class RuntimeConflict(EndoError, ImportError):
+    """onnxruntime and onnxruntime-gpu are installed over each other."""
+
+    code = ErrorCode.RUNTIME_CONFLICT
+
+
+class ProviderUnavailable(EndoError, RuntimeError):
+    """The execution provider that was asked for is not there."""
+
+    code = ErrorCode.PROVIDER_UNAVAILABLE
+
+
+class InferenceFailed(EndoError, RuntimeError):
+    """The runtime reported an error while running the model."""
+
+    code = ErrorCode.INFERENCE_FAILED
+
+
+class DatasetInvalid(EndoError, ValueError):
+    """A data set on disk does not follow its layout."""
+
+    code = ErrorCode.DATASET_INVALID
+
+
+class DependencyMissing(EndoError, ImportError):
+    """An optional dependency is not installed; the rule names the extra."""
+
+    code = ErrorCode.DEPENDENCY_MISSING
+
+
+class RendererUnavailable(EndoError, RuntimeError):
+    """The renderer cannot start on this machine; the rule says what it needs."""
+
+    code = ErrorCode.RENDERER_UNAVAILABLE
+
+
+class StorageFailed(EndoError, OSError):
+    """A file could not be written: full disk, read-only folder."""
+
+    code = ErrorCode.STORAGE_FAILED
