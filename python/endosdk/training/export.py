@@ -1,0 +1,130 @@
+"""From a trained network to the one file that is deployed."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import onnx
+import torch
+
+from endosdk.errors import StorageFailed
+from endosdk.training.networks.base import Deployed, StereoNetwork
+
+FORMAT_VERSION = "1"
+OPSET = 18  # the one that torch's exporter writes without conversion; every runtime we support reads it
+TRACE_SIZE = (96, 160)  # height, width of the example input; the file accepts any multiple of input_multiple
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What a model file says about itself beside what the network knows."""
+
+    name: str  # the name under which users load it
+    version: str
+    license: str = "Apache-2.0"
+    intended_use: str = "Research and evaluation on rectified binocular endoscopy; not a medical device."
+    training: dict[str, Any] = field(default_factory=dict)  # data ids and hashes, commit, recipe, test metrics
+
+
+def export_model(network: StereoNetwork, path: Path, info: ModelInfo) -> None:
+    """Write the network as one self-describing ONNX file, atomically.
+
+    The same network gives the same bytes. Height and width stay free (multiples of ``input_multiple``), and so does
+    the batch.
+    """
+    model = _to_onnx(Deployed(network.export_form(), network.confidence).eval())
+    _strip(model)
+    _name_sizes(model, network.output_stride)
+    onnx.helper.set_model_props(model, _metadata(network, info))
+    onnx.checker.check_model(model, full_check=True)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(model.SerializeToString(deterministic=True))
+        os.replace(partial, path)
+    except OSError as error:
+        raise StorageFailed("path", "must be writable", f"{path} ({error.strerror})") from error
+
+
+def _to_onnx(deployed: Deployed) -> onnx.ModelProto:
+    height, width = TRACE_SIZE
+    example = torch.randint(
+        0, 256, (2, 3, height, width), dtype=torch.uint8, generator=torch.Generator().manual_seed(0)
+    )
+    free = {0: "batch", 2: "height", 3: "width"}
+    with _quiet_exporter():
+        program = torch.onnx.export(
+            deployed,
+            (example, example.flip(3)),
+            dynamo=True,
+            external_data=False,
+            opset_version=OPSET,
+            input_names=["left", "right"],
+            output_names=["disparity", "confidence"],
+            dynamic_shapes={"left": free, "right": free},
+            verbose=False,
+        )
+    if program is None:
+        raise RuntimeError("the exporter returned no program")
+    model: onnx.ModelProto = program.model_proto
+    return model
+
+
+@contextmanager
+def _quiet_exporter() -> Iterator[None]:
+    """Keep the exporter's own deprecations and log lines from the user, who can do nothing about them."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)
+
+
+def _strip(model: onnx.ModelProto) -> None:
+    """Remove what the exporter notes about our source files, classes and shapes."""
+    del model.metadata_props[:]
+    model.ClearField("doc_string")
+    graph = model.graph
+    graph.name = "endosdk"
+    graph.ClearField("doc_string")
+    del graph.metadata_props[:]
+    del graph.value_info[:]
+    for item in (*graph.node, *graph.initializer, *graph.input, *graph.output):
+        item.ClearField("doc_string")
+        del item.metadata_props[:]
+
+
+def _name_sizes(model: onnx.ModelProto, stride: int) -> None:
+    """Say plainly how large the outputs are; the exporter writes the arithmetic of its trace instead."""
+    suffix = "" if stride == 1 else f"/{stride}"
+    for output in model.graph.output:
+        for axis, size in ((2, "height"), (3, "width")):
+            output.type.tensor_type.shape.dim[axis].dim_param = size + suffix
+
+
+def _metadata(network: StereoNetwork, info: ModelInfo) -> dict[str, str]:
+    entries = {
+        "format_version": FORMAT_VERSION,
+        "name": info.name,
+        "version": info.version,
+        "input_multiple": str(network.input_multiple),
+        "output_stride": str(network.output_stride),
+        "max_disparity": str(network.max_disparity),
+        "channel_order": "rgb",
+        "license": info.license,
+        "training": json.dumps(info.training, sort_keys=True, separators=(",", ":")),
+        "intended_use": info.intended_use,
+    }
+    return {f"endosdk.{key}": value for key, value in entries.items()}

@@ -1,0 +1,18 @@
+"""The networks by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from endosdk.errors import InvalidArgument
+from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.networks.wang2020 import Wang2020
+
+NETWORKS: dict[str, Callable[..., StereoNetwork]] = {"wang2020": Wang2020}
+
+
+def build_network(name: str, max_disparity: int = 72) -> StereoNetwork:
+    """Build the named network with random weights; ``max_disparity`` in px at the input width."""
+    if name not in NETWORKS:
+        raise InvalidArgument("network", f"must be one of {', '.join(sorted(NETWORKS))}", name)
+    return NETWORKS[name](max_disparity=max_disparity)

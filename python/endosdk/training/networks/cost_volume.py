@@ -1,0 +1,105 @@
+"""The parts that turn two feature maps into disparity: difference volume, 3-D aggregation, soft-argmin."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from endosdk.training.networks.blocks import ConvNorm
+
+
+def difference_volume(left: Tensor, right: Tensor, planes: int) -> Tensor:
+    """Subtract from the left features the right ones shifted by 0..planes-1 cells: [N, C, planes, h, w].
+
+    Where a shift leaves the right view its features count as zero.
+    """
+    width = right.shape[-1]
+    padded = F.pad(right, (planes - 1, 0))
+    shifted = [padded[..., planes - 1 - plane : planes - 1 - plane + width] for plane in range(planes)]
+    return left.unsqueeze(2) - torch.stack(shifted, dim=2)
+
+
+class Aggregation(nn.Module):
+    """3x3x3 convolutions over the volume; the last gives the cost, disparity last so that softmax is quick."""
+
+    def __init__(self, channels: int, layers: int, slope: float) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList(ConvNorm(channels, channels, dims=3, slope=slope) for _ in range(layers))
+        self.cost = nn.Conv3d(channels, 1, 3, padding=1)
+
+    def forward(self, volume: Tensor) -> Tensor:
+        """Map the volume [N, C, D, h, w] to cost [N, h, w, D]."""
+        for layer in self.layers:
+            volume = layer(volume)
+        cost: Tensor = self.cost(volume)
+        return cost.squeeze(1).permute(0, 2, 3, 1)
+
+
+class PlaneAggregation(nn.Module):
+    """The same function as `Aggregation`, with 2-D convolutions over each plane and its two neighbours.
+
+    Runtimes have fast (and int8) kernels for 2-D convolutions and slow ones for 3-D. In training the 3-D form is the
+    quicker one, so this form is made only for export, after batch norm has been folded.
+    """
+
+    def __init__(self, source: Aggregation) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList(
+            nn.Sequential(_over_planes(layer.conv), layer.activation) for layer in source.layers
+        )
+        self.cost = _over_planes(source.cost)
+
+    def forward(self, volume: Tensor) -> Tensor:
+        """Map the volume [N, C, D, h, w] to cost [N, h, w, D]."""
+        planes = volume.permute(2, 0, 1, 3, 4)
+        for layer in self.layers:
+            planes = self._apply(layer, planes)
+        return self._apply(self.cost, planes).squeeze(2).permute(1, 2, 3, 0)
+
+    @staticmethod
+    def _apply(layer: nn.Module, planes: Tensor) -> Tensor:
+        count = planes.shape[0]
+        padded = F.pad(planes, (0, 0, 0, 0, 0, 0, 0, 0, 1, 1))
+        neighbours = torch.cat([padded[:-2], planes, padded[2:]], dim=2)
+        result: Tensor = layer(neighbours.flatten(0, 1))
+        return result.unflatten(0, (count, -1))
+
+
+def _over_planes(conv: nn.Conv3d) -> nn.Conv2d:
+    """Make the 2-D convolution that equals a 3x3x3 one on [previous, this, next] plane joined along channels."""
+    flat = nn.Conv2d(conv.in_channels * 3, conv.out_channels, 3, padding=1)
+    with torch.no_grad():
+        flat.weight.copy_(conv.weight.permute(0, 2, 1, 3, 4).flatten(1, 2))
+        if conv.bias is None or flat.bias is None:
+            raise ValueError("fold batch norm first: the convolution has no bias yet")
+        flat.bias.copy_(conv.bias)
+    return flat
+
+
+class SoftArgmin(NamedTuple):
+    """Mean of the disparity distribution and its spread beyond what lies between two planes, in planes."""
+
+    disparity: Tensor  # [N, 1, h, w]
+    excess: Tensor  # [N, 1, h, w], variance, >= 0
+
+
+def soft_argmin(cost: Tensor) -> SoftArgmin:
+    """Reduce cost [N, h, w, D] to the mean plane under softmax(-cost), and the excess variance.
+
+    A distribution that says "exactly here" still has the variance f(1 - f) when the answer lies the fraction f
+    between two planes. Only what exceeds that is doubt.
+    """
+    index = torch.arange(cost.shape[-1], dtype=cost.dtype, device=cost.device)
+    moments = torch.softmax(-cost, dim=-1) @ torch.stack([index, index * index], dim=1)
+    mean, square = moments[..., 0].unsqueeze(1), moments[..., 1].unsqueeze(1)
+    fraction = mean.detach() - mean.detach().floor()
+    excess = square.detach() - mean.detach() ** 2 - fraction * (1.0 - fraction)
+    return SoftArgmin(mean, excess.clamp_min(0.0))
+
+
+def local_range(disparity: Tensor) -> Tensor:
+    """Largest minus smallest value among the 3x3 neighbours of [N, 1, h, w]: high where surfaces meet."""
+    return F.max_pool2d(disparity, 3, 1, 1) + F.max_pool2d(-disparity, 3, 1, 1)
