@@ -1,5 +1,31 @@
-"""Stereo depth for binocular endoscopes."""
+"""Stereo depth for binocular endoscopes: a pair of frames in, disparity, metric depth and trust out.
 
-from endosdk._core import version as __version__
+Importing this package loads NumPy and one small compiled module; onnxruntime and OpenCV load when first needed.
+"""
 
-__all__ = ["__version__"]
+from endosdk import telemetry
+
+telemetry.disable()  # before anything can import onnxruntime: later is too late
+
+from endosdk._core import version as __version__  # noqa: E402
+from endosdk.calibration import StereoCalibration  # noqa: E402
+from endosdk.errors import EndoError, ErrorCode  # noqa: E402
+from endosdk.estimator import DepthEstimator  # noqa: E402
+from endosdk.models import shipped_models  # noqa: E402
+from endosdk.result import DepthResult, Reason, Status  # noqa: E402
+
+__all__ = [
+    "DepthEstimator",
+    "DepthResult",
+    "EndoError",
+    "ErrorCode",
+    "Reason",
+    "Status",
+    "StereoCalibration",
+    "__version__",
+    "shipped_models",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,46 @@
+"""The command line: ``endosdk <verb>`` finds the verb's file in `endosdk.commands` and runs it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from endosdk import __version__
+from endosdk.errors import EndoError
+
+VERBS = {
+    "predict": "disparity and depth of one stereo pair, as files and a picture",
+    "bench": "time a model on this machine, with its error and a rival beside it",
+    "evaluate": "score a model on a data set with truth",
+    "calibrate": "calibrate a rig from board pictures, or convert a calibration file",
+    "doctor": "say what is installed, what is missing and what would be used",
+    "simulate": "render endoscopic stereo pairs with exact truth",
+    "train": "train a network on a data set",
+    "export": "turn a trained network into a model file",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run ``endosdk``; the exit status is 0, 1 (the verb found a fault) or 2 (bad input)."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    verb = next((word for word in words if not word.startswith("-")), None)
+    parser = argparse.ArgumentParser(prog="endosdk", description="Stereo depth for binocular endoscopes.")
+    parser.add_argument("--version", action="version", version=f"endosdk {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, summary in VERBS.items():
+        sub = verbs.add_parser(name, help=summary, description=summary)
+        if name == verb:  # only the verb that runs is imported
+            importlib.import_module(f"endosdk.commands.{name}").configure(sub)
+    options = parser.parse_args(words)
+    try:
+        return int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
+    except EndoError as error:
+        print(f"endosdk {options.verb}: {error}", file=sys.stderr)
+        return 2
+
+
+def bench() -> int:
+    """Run ``endosdk-bench``, the short name of ``endosdk bench``."""
+    return main(["bench", *sys.argv[1:]])

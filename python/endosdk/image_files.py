@@ -1,0 +1,68 @@
+"""Read frames from picture files and write the maps of a result as pictures other programs can read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.picture import overview
+from endosdk.result import DepthResult
+
+
+def read_frame(path: str | Path) -> npt.NDArray[np.uint8]:
+    """Read a picture file as RGB uint8 [H, W, 3]."""
+    import cv2
+
+    path = Path(path)
+    if not path.is_file():
+        raise InvalidArgument("frame", "must be a picture file", repr(str(path)))
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise InvalidArgument("frame", "must be a picture that OpenCV can read", repr(str(path)))
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def write_picture(path: Path, picture: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> None:
+    """Write an RGB or single-channel picture, 8 or 16 bit; the name's ending chooses the format."""
+    import cv2
+
+    bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR) if picture.ndim == 3 else picture
+    if not cv2.imwrite(str(path), bgr):
+        raise StorageFailed("out", "the picture must be writable (folder, space, ending)", str(path))
+
+
+def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthResult) -> dict[str, Path]:
+    """Write the maps of one result into ``folder`` and return name and path of each file.
+
+    ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit whole millimetres; both 0 where there is no value.
+    ``depth.npy`` keeps the float32 millimetres. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", error) from error
+    pictures: dict[str, npt.NDArray[np.uint8] | npt.NDArray[np.uint16]] = {
+        "disparity.png": _to_uint16(result.disparity * 256),
+        "confidence.png": np.rint(result.confidence * 255).astype(np.uint8),
+        "reasons.png": result.reasons,
+        "overview.png": overview(left, result),
+    }
+    if result.depth_map is not None:
+        pictures["depth.png"] = _to_uint16(result.depth_map)
+    written = {}
+    for name, picture in pictures.items():
+        write_picture(folder / name, picture)
+        written[name] = folder / name
+    if result.depth_map is not None:
+        np.save(folder / "depth.npy", result.depth_map)
+        written["depth.npy"] = folder / "depth.npy"
+    return written
+
+
+def _to_uint16(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    # 65535 is kept free for values that do not fit, so that a far point is never read as a near one.
+    return np.clip(np.rint(np.nan_to_num(values, nan=0.0, posinf=65535)), 0, 65535).astype(np.uint16)

@@ -1,0 +1,124 @@
+"""Model files: find the shipped ones, read and hash their bytes, understand what they say of themselves."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from endosdk import _core
+from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
+
+FORMAT_VERSION = "1"
+PREFIX = "endosdk."
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """The bytes of one model, with where they came from and their SHA-256."""
+
+    data: bytes
+    origin: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What a model file says of itself (its ``endosdk.*`` metadata), and the SHA-256 of its bytes."""
+
+    name: str
+    version: str
+    input_multiple: int  # both sides of the input are padded to a multiple of this, px
+    output_stride: int  # the output grid is the input grid divided by this
+    max_disparity: int  # px at the input width; larger disparities cannot be found
+    channel_order: str
+    license: str
+    training: dict[str, Any]  # data set ids and hashes, recipe, metrics on the test split
+    intended_use: str
+    sha256: str
+
+
+def shipped_models() -> dict[str, Path]:
+    """Name and file of every model that came with the package."""
+    folder = _shipped_folder()
+    return {name: folder / entry["file"] for name, entry in _manifest(folder).items()}
+
+
+def read_model(source: str | Path | bytes) -> ModelFile:
+    """Read a model given by shipped name, path or content.
+
+    A shipped model is checked against its recorded SHA-256; hash and content are of the very bytes that are returned.
+    """
+    if isinstance(source, bytes | bytearray | memoryview):
+        data = bytes(source)
+        return ModelFile(data, "<bytes>", hashlib.sha256(data).hexdigest())
+    if not isinstance(source, str | Path):
+        raise InvalidArgument("model", "must be a shipped name, a path or bytes", type(source).__name__)
+    folder = _shipped_folder()
+    entry = _manifest(folder).get(source) if isinstance(source, str) else None
+    path = folder / entry["file"] if entry else Path(source)
+    if not path.is_file():
+        names = ", ".join(sorted(_manifest(folder)))
+        raise ModelNotFound("model", f"must be a file or one of the shipped names ({names})", repr(str(source)))
+    data = path.read_bytes()
+    digest = hashlib.sha256(data).hexdigest()
+    if entry and digest != entry["sha256"]:
+        raise ModelHashMismatch("model", f"{source} must have SHA-256 {entry['sha256']}", digest)
+    return ModelFile(data, str(path), digest)
+
+
+def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
+    """Turn the metadata of an ONNX file into a `ModelInfo`; name the key that is missing or wrong."""
+    version = _required(metadata, "format_version")
+    if version != FORMAT_VERSION:
+        raise ModelMetadata("format_version", f"this release reads format {FORMAT_VERSION}", repr(version))
+    order = _required(metadata, "channel_order")
+    if order != "rgb":
+        raise ModelMetadata("channel_order", "must be rgb", repr(order))
+    try:
+        training = json.loads(_required(metadata, "training"))
+    except json.JSONDecodeError as error:
+        raise ModelMetadata("training", "must be JSON", str(error)) from error
+    return ModelInfo(
+        name=_required(metadata, "name"),
+        version=_required(metadata, "version"),
+        input_multiple=_positive(metadata, "input_multiple"),
+        output_stride=_positive(metadata, "output_stride"),
+        max_disparity=_positive(metadata, "max_disparity"),
+        channel_order=order,
+        license=_required(metadata, "license"),
+        training=training,
+        intended_use=_required(metadata, "intended_use"),
+        sha256=sha256,
+    )
+
+
+def _shipped_folder() -> Path:
+    # Models are installed beside the compiled module, which is the one file whose place is the same in a wheel and
+    # in an editable install.
+    return Path(_core.__file__).parent / "_models"
+
+
+def _manifest(folder: Path) -> dict[str, dict[str, str]]:
+    path = folder / "models.toml"
+    if not path.is_file():
+        raise ModelUnreadable("models.toml", "the installed package must contain its model list", str(path))
+    return tomllib.loads(path.read_text())
+
+
+def _required(metadata: Mapping[str, str], key: str) -> str:
+    value = metadata.get(PREFIX + key)
+    if value is None or value == "":
+        raise ModelMetadata(PREFIX + key, "a model for endosdk must carry this metadata key", "nothing")
+    return value
+
+
+def _positive(metadata: Mapping[str, str], key: str) -> int:
+    text = _required(metadata, key)
+    if not text.isdecimal() or int(text) == 0:
+        raise ModelMetadata(PREFIX + key, "must be a positive whole number", repr(text))
+    return int(text)

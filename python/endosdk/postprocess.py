@@ -1,0 +1,75 @@
+"""From the session's grids to maps at the size of the frame: disparity, confidence, depth, sigma, reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk import _core
+from endosdk.calibration import RectifiedGeometry
+from endosdk.rectify import RectifyStage
+from endosdk.session import StereoSession
+
+FloatMap = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Output memory of one frame, all [H, W]; depth and sigma are None without a calibration."""
+
+    disparity: FloatMap
+    confidence: FloatMap
+    reasons: npt.NDArray[np.uint8]
+    depth: FloatMap | None
+    sigma: FloatMap | None
+
+    @classmethod
+    def allocate(cls, width: int, height: int, metric: bool) -> Maps:
+        """Reserve memory for maps of this size, px."""
+
+        def floats() -> FloatMap:
+            return np.empty((height, width), np.float32)
+
+        reasons = np.empty((height, width), np.uint8)
+        return cls(floats(), floats(), reasons, floats() if metric else None, floats() if metric else None)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What counts as an answer."""
+
+    min_confidence: float  # below it a pixel is LOW_CONFIDENCE
+    min_depth_mm: float  # outside [min, max] a pixel is OUT_OF_RANGE
+    max_depth_mm: float
+
+
+def postprocess(
+    session: StereoSession, stage: RectifyStage, geometry: RectifiedGeometry | None, limits: Limits, out: Maps
+) -> int:
+    """Fill ``out`` from the session's last run and return the number of pixels that have an answer."""
+    height, width = out.disparity.shape
+    gain = width / stage.size[0]
+    stride = session.info.output_stride
+    return _core.postprocess(
+        session.disparity,
+        session.confidence,
+        stage.size[1] / (height * stride),
+        stage.size[0] / (width * stride),
+        gain,
+        out.disparity,
+        out.confidence,
+        out.reasons,
+        session.left,
+        stage.valid_left,
+        stage.valid_right,
+        limits.min_confidence,
+        out.depth,
+        out.sigma,
+        geometry.focal_px if geometry else 0.0,
+        geometry.baseline_mm if geometry else 0.0,
+        geometry.doffs if geometry else 0.0,
+        limits.min_depth_mm,
+        limits.max_depth_mm,
+    )

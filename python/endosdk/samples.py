@@ -1,0 +1,52 @@
+"""The rendered raw pairs that come with the package: what demo and benchmark run on, with exact truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk import _core
+from endosdk.calibration import StereoCalibration
+from endosdk.dataset import read_disparity
+from endosdk.image_files import read_frame
+
+
+@dataclass(frozen=True)
+class RawPair:
+    """A raw, distorted, misaligned pair (RGB uint8 [H, W, 3]), its rig, and the true disparity of the rectified left
+    view, px, float32 [H, W], NaN where there is no truth."""
+
+    left: npt.NDArray[np.uint8]
+    right: npt.NDArray[np.uint8]
+    calibration: StereoCalibration
+    disparity: npt.NDArray[np.float32]
+
+    def resized(self, width: int, height: int) -> RawPair:
+        """The same pair as a camera of another size would give it; the truth is resampled without mixing surfaces."""
+        import cv2
+
+        old_height, old_width = self.left.shape[:2]
+        if (old_width, old_height) == (width, height):
+            return self
+        views = [cv2.resize(view, (width, height), interpolation=cv2.INTER_AREA) for view in (self.left, self.right)]
+        truth = cv2.resize(self.disparity, (width, height), interpolation=cv2.INTER_NEAREST) * (width / old_width)
+        return RawPair(views[0], views[1], self.calibration.scaled(width, height), truth.astype(np.float32))
+
+
+def sample_pairs() -> list[RawPair]:
+    """Read every pair that came with the package, in the order of their names."""
+    folder = Path(_core.__file__).parent / "_samples"
+    calibration = StereoCalibration.load(folder / "rig.json")
+    return [
+        RawPair(
+            read_frame(pair / "left.png"),
+            read_frame(pair / "right.png"),
+            calibration,
+            read_disparity(pair / "disparity.png"),
+        )
+        for pair in sorted(folder.iterdir())
+        if pair.is_dir()
+    ]

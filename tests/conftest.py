@@ -1,0 +1,43 @@
+"""Pictures and files that many tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+
+ROOT = Path(__file__).resolve().parents[1]
+TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
+
+
+def textured_picture(height: int, width: int, seed: int = 0) -> np.ndarray:
+    """A smooth tissue-like RGB picture uint8 [H, W, 3]: blotches over fine grain, nothing periodic, no hard noise."""
+    import cv2
+
+    rng = np.random.default_rng(seed)
+    picture = np.zeros((height, width, 3), np.float32)
+    for cell, weight in ((3, 26.0), (9, 30.0), (40, 34.0)):
+        coarse = rng.standard_normal((height // cell + 3, width // cell + 3, 3)).astype(np.float32)
+        smooth = cv2.resize(coarse, None, fx=cell, fy=cell, interpolation=cv2.INTER_CUBIC)
+        picture += weight * smooth[:height, :width]
+    picture += np.array([150.0, 80.0, 75.0], np.float32)
+    return np.clip(picture, 0, 245).astype(np.uint8)
+
+
+def shifted_pair(height: int, width: int, disparity: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """A rectified pair of a fronto-parallel plane: ``right[x - disparity] == left[x]``."""
+    wide = textured_picture(height, width + disparity, seed)
+    return np.ascontiguousarray(wide[:, :width]), np.ascontiguousarray(wide[:, disparity:])
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of real endoscope frames, which are not part of the project."""
+    folder = Path(os.environ.get("ENDOSDK_SHARED_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip("real endoscope frames are not on this machine")
+    return folder

@@ -1,0 +1,95 @@
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from endosdk import StereoCalibration, __version__
+from endosdk.cli import VERBS, main
+from tests.conftest import TINY_MODEL, shifted_pair
+
+
+def write(path, picture):
+    cv2.imwrite(str(path), picture[..., ::-1])
+    return str(path)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(verb, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([verb, "--help"])
+    assert stopped.value.code == 0
+    assert "--help" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert __version__ in capsys.readouterr().out
+
+
+def test_predict_leaves_every_map(tmp_path, capsys):
+    left, right = shifted_pair(96, 160, 12)
+    rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96))
+    rig.save(tmp_path / "rig.json")
+    status = main(
+        [
+            "predict",
+            write(tmp_path / "l.png", left),
+            write(tmp_path / "r.png", right),
+            *("--model", str(TINY_MODEL)),
+            *("--calibration", str(tmp_path / "rig.json")),
+            *("--out", str(tmp_path / "out")),
+        ]
+    )
+    assert status == 0
+    told = capsys.readouterr().out
+    assert "FPS" in told
+    assert "mm (median" in told
+    depth = cv2.imread(str(tmp_path / "out" / "depth.png"), cv2.IMREAD_UNCHANGED)
+    assert depth.dtype == np.uint16
+    assert np.median(depth[depth > 0]) == pytest.approx(1000 / 12, abs=1)
+    disparity = cv2.imread(str(tmp_path / "out" / "disparity.png"), cv2.IMREAD_UNCHANGED)
+    assert np.median(disparity[8:-8, 56:-8]) / 256 == pytest.approx(12, abs=0.1)
+    overview = cv2.imread(str(tmp_path / "out" / "overview.png"))
+    assert overview.shape[0] > 2 * 96
+    assert overview.std() > 20
+
+
+def test_unrectified_pair_is_called_out(tmp_path, capsys):
+    left, right = shifted_pair(240, 320, 12)
+    right = np.roll(right, 9, axis=0)
+    pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
+    assert main(["predict", *pair, "--model", str(TINY_MODEL), "--frames", "0", "--out", str(tmp_path / "o")]) == 0
+    assert "not rectified" in capsys.readouterr().out
+
+
+def test_bad_input_is_one_line_and_status_2(tmp_path, capsys):
+    left, _ = shifted_pair(32, 64, 2)
+    path = write(tmp_path / "l.png", left)
+    assert main(["predict", path, str(tmp_path / "missing.png"), "--model", str(TINY_MODEL)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("endosdk predict: frame: must be a picture file")
+    assert told.count("\n") == 1
+
+
+def test_bad_size_is_refused(tmp_path, capsys):
+    left, _ = shifted_pair(32, 64, 2)
+    path = write(tmp_path / "l.png", left)
+    assert main(["predict", path, path, "--model", str(TINY_MODEL), "--network-size", "960"]) == 2
+    assert "960x720" in capsys.readouterr().err
+
+
+def test_doctor_is_content_with_this_installation(capsys):
+    assert main(["doctor"]) == 0
+    told = capsys.readouterr().out
+    assert "telemetry off" in told
+    assert "CPUExecutionProvider" in told
+
+
+def test_installed_entry_point_runs():
+    done = subprocess.run(
+        [sys.executable, "-c", "from endosdk.cli import main; main(['--version'])"], capture_output=True, text=True
+    )
+    assert __version__ in done.stdout
