@@ -217,7 +217,7 @@ class StereoCalibration:
         if self.is_rectified:
             geometry = self._identity_geometry()
         else:
-            matrices = _core.stereo_rectify(
+            left_turn, right_turn, left_view, right_view = _core.stereo_rectify(
                 self.model,
                 self.left_matrix,
                 self.left_distortion,
@@ -229,7 +229,7 @@ class StereoCalibration:
                 self.height,
                 zoom,
             )
-            geometry = RectifiedGeometry(*matrices, self.width, self.height)
+            geometry = RectifiedGeometry(left_turn, right_turn, left_view, right_view, self.width, self.height)
         return geometry if size is None else geometry.scaled(*check_size("size", size))
 
     def _identity_geometry(self) -> RectifiedGeometry:

@@ -64,10 +64,10 @@ def check_crop(window: tuple[int, int, int, int], size: tuple[int, int]) -> tupl
 
 def check_alpha(value: Any) -> float:
     """Return OpenCV's free scaling parameter: 0..1, or -1."""
-    usable = isinstance(value, Real) and not isinstance(value, bool) and (value == -1 or 0 <= value <= 1)
-    if not usable:
+    alpha = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not (alpha == -1 or 0 <= alpha <= 1):
         raise InvalidArgument("alpha", "must be in 0..1, or -1", repr(value))
-    return float(value)
+    return alpha
 
 
 def check_camera_matrix(name: str, value: Any) -> Matrix:

@@ -19,33 +19,20 @@ from endosdk.errors import CalibrationUnreadable
 
 # Spellings are compared in lower case without separators. "k1" and "d1" are OpenCV's samples, "m1" its old ones.
 SPELLINGS: dict[str, tuple[str, ...]] = {
-    "left_matrix": (
-        "k1",
-        "m1",
-        "cameramatrix1",
-        "cameramatrixleft",
-        "leftcameramatrix",
-        "cameramatrixl",
-        "kleft",
-        "kl",
-    ),
-    "right_matrix": (
-        *("k2", "m2", "cameramatrix2", "cameramatrixright", "rightcameramatrix", "cameramatrixr"),
-        *("kright", "kr"),
-    ),
-    "left_distortion": (
-        *("d1", "distcoeffs1", "distcoefs1", "dist1", "distortion1", "distcoeffsleft", "leftdistcoeffs"),
-        *("distortioncoefficients1", "distcoeffsl", "distleft", "dleft", "dl"),
-    ),
-    "right_distortion": (
-        *("d2", "distcoeffs2", "distcoefs2", "dist2", "distortion2", "distcoeffsright", "rightdistcoeffs"),
-        *("distortioncoefficients2", "distcoeffsr", "distright", "dright", "dr"),
-    ),
-    "rotation": ("r", "rotation", "rotationmatrix", "rmatrix"),
-    "translation": ("t", "translation", "translationvector", "tvec", "tvector"),
-    "size": ("imagesize", "imgsize", "size", "resolution", "calibrationimagesize"),
-    "width": ("width", "imagewidth", "imgwidth"),
-    "height": ("height", "imageheight", "imgheight"),
+    name: tuple(spellings.split())
+    for name, spellings in {
+        "left_matrix": "k1 m1 cameramatrix1 cameramatrixleft leftcameramatrix cameramatrixl kleft kl",
+        "right_matrix": "k2 m2 cameramatrix2 cameramatrixright rightcameramatrix cameramatrixr kright kr",
+        "left_distortion": "d1 distcoeffs1 distcoefs1 dist1 distortion1 distortioncoefficients1 "
+        "distcoeffsleft leftdistcoeffs distcoeffsl distleft dleft dl",
+        "right_distortion": "d2 distcoeffs2 distcoefs2 dist2 distortion2 distortioncoefficients2 "
+        "distcoeffsright rightdistcoeffs distcoeffsr distright dright dr",
+        "rotation": "r rotation rotationmatrix rmatrix",
+        "translation": "t translation translationvector tvec tvector",
+        "size": "imagesize imgsize size resolution calibrationimagesize",
+        "width": "width imagewidth imgwidth",
+        "height": "height imageheight imgheight",
+    }.items()
 }
 FIELD_OF = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
 SHAPES = {

@@ -43,9 +43,7 @@ class _Camera:
 def looks_like(keys: Iterable[str]) -> bool:
     """Whether the names are those of a camera_info file or message."""
     present = set(keys)
-    return (
-        "camera_matrix" in present or "projection_matrix" in present or {"K", "P"} <= present or {"k", "p"} <= present
-    )
+    return any(names <= present for names in ({"camera_matrix"}, {"projection_matrix"}, {"K", "P"}, {"k", "p"}))
 
 
 def read(paths: tuple[Path, ...]) -> RawCalibration:

@@ -50,10 +50,9 @@ def _left_to_right(folder: Path) -> tuple[Matrix, Matrix]:
     if len(present) != 1:
         raise CalibrationUnreadable(folder.name, f"must hold one of {', '.join(TRANSFORMS)}", present or "none")
     transform = _numbers(folder, present[0], (4, 4))
-    if transform[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-        raise CalibrationUnreadable(
-            f"{folder.name}/{present[0]}", "must end with the row 0 0 0 1", transform[3].tolist()
-        )
+    last = transform[3].tolist()
+    if last != [0.0, 0.0, 0.0, 1.0]:
+        raise CalibrationUnreadable(f"{folder.name}/{present[0]}", "must end with the row 0 0 0 1", last)
     rotation, translation = transform[:3, :3], transform[:3, 3]
     if present[0].startswith("calib.l2r"):
         return rotation, translation
