@@ -105,7 +105,15 @@ def test_sigma_ranks_pixels_when_there_is_no_confidence() -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"focal_px": 1.0}, {"baseline_mm": 1.0}, {"occlusion": np.zeros((2, 2), np.uint8)}]
+    "options",
+    [
+        {"focal_px": 1.0},
+        {"baseline_mm": 1.0},
+        {"occlusion": np.zeros((2, 2), np.uint8)},
+        {"occlusion": np.zeros((2, 3), bool)},
+        {"sigma": np.ones((3, 2))},
+        {"confidence": np.ones(2)},
+    ],
 )
 def test_wrong_options_are_refused_and_the_board_stays_usable(options) -> None:
     board = ScoreBoard()

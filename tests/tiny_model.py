@@ -14,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from endosdk.training.export import ModelInfo, export_model
-from endosdk.training.networks.base import Prediction, StereoNetwork, Window
+from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import soft_argmin
 
@@ -43,15 +43,15 @@ class BlockMatching(StereoNetwork):
         self.register_buffer("grey", torch.tensor([0.299, 0.587, 0.114]).reshape(1, 3, 1, 1))
         self.confidence = ConfidenceHead(channels=1)
 
-    def coarse(self, left: Tensor, right: Tensor) -> Prediction:
+    def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         left_detail, right_detail = self._detail(left), self._detail(right)
         shifted = F.conv2d(F.pad(right_detail, (self.max_disparity - 1, 0)), self.shifts)
         difference = F.avg_pool2d((left_detail - shifted).abs(), 8, stride=4, padding=2)
         found = soft_argmin(difference.permute(0, 2, 3, 1))
-        return Prediction([found.disparity], torch.log(found.excess + 1e-3))
+        return Coarse(found.disparity, torch.log(found.excess + 1e-3), left_detail)
 
-    def refine(self, coarse: Prediction, left: Tensor, window: Window | None = None) -> Prediction:
-        return coarse
+    def refine(self, coarse: Coarse) -> Prediction:
+        return Prediction([coarse.disparity], coarse.evidence)
 
     def _detail(self, image: Tensor) -> Tensor:
         """Grey without its local mean, so that a change of brightness does not matter."""

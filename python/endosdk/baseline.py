@@ -55,8 +55,10 @@ class SgbmBaseline:
 
 
 def fill_holes(disparity: FloatMap) -> FloatMap:
-    """Fill each hole of a row with the smaller (farther) of its two neighbours, as hidden background is; rows without
-    any answer take the row above, or zero."""
+    """Fill each hole of a row with the smaller (farther) of its two neighbours, as hidden background is.
+
+    Rows without any answer take the row above, or zero.
+    """
     height, width = disparity.shape
     columns = np.arange(width)
     filled = np.empty_like(disparity)

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.baseline import SgbmBaseline, fill_holes
-from endosdk.calibration import StereoCalibration
 from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
 from endosdk.estimator import DepthEstimator
 from endosdk.machine import machine_record
@@ -94,7 +93,9 @@ def _checked_error(estimator: DepthEstimator, pairs: list[RawPair]) -> float:
     epe = float(np.mean(errors))
     limit = BROKEN_SHARE * float(np.mean([np.nanmean(pair.disparity) for pair in pairs]))
     if not epe < limit:
-        raise InferenceFailed("model", f"must be within {limit:.1f} px of the truth before it is timed", f"{epe:.2f} px")
+        raise InferenceFailed(
+            "model", f"must be within {limit:.1f} px of the truth before it is timed", f"{epe:.2f} px"
+        )
     return epe
 
 

@@ -16,8 +16,10 @@ from endosdk.image_files import read_frame
 
 @dataclass(frozen=True)
 class RawPair:
-    """A raw, distorted, misaligned pair (RGB uint8 [H, W, 3]), its rig, and the true disparity of the rectified left
-    view, px, float32 [H, W], NaN where there is no truth."""
+    """A raw, distorted, misaligned pair, RGB uint8 [H, W, 3], with its rig.
+
+    ``disparity`` is the truth of the rectified left view, px, float32 [H, W], NaN where there is none.
+    """
 
     left: npt.NDArray[np.uint8]
     right: npt.NDArray[np.uint8]

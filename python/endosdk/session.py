@@ -7,7 +7,6 @@ import warnings
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from endosdk import telemetry
 from endosdk.errors import (

@@ -39,8 +39,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"model      {record['model']['name']} {record['model']['version']}, {args.size}, {args.threads} threads")
     print(f"error      {record['epe_px']:.3f} px against the truth of the rendered pairs")
     print(f"speed      {record['fps']:.2f} FPS")
-    print(f"latency    " + ", ".join(f"{name} {value:.2f}" for name, value in latency.items()) + " ms")
-    print(f"stages     " + ", ".join(f"{name} {value:.2f}" for name, value in stages.items()) + " ms")
+    print("latency    " + ", ".join(f"{name} {value:.2f}" for name, value in latency.items()) + " ms")
+    print("stages     " + ", ".join(f"{name} {value:.2f}" for name, value in stages.items()) + " ms")
     print(f"memory     {record['peak_rss_mb']:.0f} MB at most")
     for name, rival in record["against"].items():
         print(f"{name:10} {rival['fps']:.2f} FPS, {rival['epe_px']:.3f} px with holes filled")

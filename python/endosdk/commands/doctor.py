@@ -16,7 +16,9 @@ OPTIONAL = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("--pair", nargs=2, type=Path, metavar=("LEFT", "RIGHT"), help="also check that a pair is rectified")
+    parser.add_argument(
+        "--pair", nargs=2, type=Path, metavar=("LEFT", "RIGHT"), help="also check that a pair is rectified"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

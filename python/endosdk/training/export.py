@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,7 +39,7 @@ def export_model(network: StereoNetwork, path: Path, info: ModelInfo) -> None:
     The same network gives the same bytes. Height and width stay free (multiples of ``input_multiple``), and so does
     the batch.
     """
-    model = _to_onnx(Deployed(network.export_form(), network.confidence).eval())
+    model = _to_onnx(Deployed(network.export_form()).eval())
     _strip(model)
     _name_sizes(model, network.output_stride)
     onnx.helper.set_model_props(model, _metadata(network, info))
@@ -49,7 +48,7 @@ def export_model(network: StereoNetwork, path: Path, info: ModelInfo) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_bytes(model.SerializeToString(deterministic=True))
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         raise StorageFailed("path", "must be writable", f"{path} ({error.strerror})") from error
 

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from endosdk.errors import InvalidArgument
 from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.networks.fast import Fast
 from endosdk.training.networks.wang2020 import Wang2020
 
-NETWORKS: dict[str, Callable[..., StereoNetwork]] = {"wang2020": Wang2020}
+NETWORKS: dict[str, Callable[..., StereoNetwork]] = {"fast": Fast, "wang2020": Wang2020}
 
 
 def build_network(name: str, max_disparity: int = 72) -> StereoNetwork:

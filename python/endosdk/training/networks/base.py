@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from endosdk.errors import InvalidArgument
+from endosdk.training.networks.blocks import fold_batch_norm
 from endosdk.training.networks.confidence import ConfidenceHead
+from endosdk.training.networks.cost_volume import Aggregation, PlaneAggregation
 
 
 class Window(NamedTuple):
@@ -19,22 +23,30 @@ class Window(NamedTuple):
     height: int
     width: int
 
-    def of(self, image: Tensor, stride: int = 1) -> Tensor:
+    def of(self, values: Tensor, stride: int = 1) -> Tensor:
         """Cut this part out of a map [N, C, H/stride, W/stride]."""
         rows = slice(self.top // stride, (self.top + self.height) // stride)
         columns = slice(self.left // stride, (self.left + self.width) // stride)
-        return image[..., rows, columns]
+        return values[..., rows, columns]
+
+
+class Coarse(NamedTuple):
+    """Result of the matching stage, on the grid on which the refinement works and the answer is given."""
+
+    disparity: Tensor  # [N, 1, H/s, W/s], px at the input width
+    evidence: Tensor  # [N, K, H/s, W/s], what tells how far to trust it; no gradient flows through it
+    context: Tensor  # [N, C, H/s, W/s], what the refinement knows of the left view
 
 
 class Prediction(NamedTuple):
     """Disparity maps from coarse to fine, and what tells how far the finest can be trusted."""
 
     disparities: list[Tensor]  # each [N, 1, H/s, W/s], px at the input width; a windowed one has the window's size
-    evidence: Tensor  # [N, K, H/s, W/s] of the last map, no gradient flows through it
+    evidence: Tensor  # [N, K, H/s, W/s] of the last map; no gradient flows through it
 
 
 class StereoNetwork(nn.Module, ABC):
-    """A network from a rectified pair to disparity; sub-classes set the four attributes."""
+    """A network from a rectified pair to disparity; sub-classes set the attributes and the two stages."""
 
     name: str
     max_disparity: int
@@ -43,36 +55,55 @@ class StereoNetwork(nn.Module, ABC):
     confidence: ConfidenceHead
 
     @abstractmethod
-    def coarse(self, left: Tensor, right: Tensor) -> Prediction:
-        """Match the views [N, 3, H, W], 0..255: one map, on the grid on which `refine` works."""
+    def coarse(self, left: Tensor, right: Tensor) -> Coarse:
+        """Match the views, float [N, 3, H, W], 0..255."""
 
     @abstractmethod
-    def refine(self, coarse: Prediction, left: Tensor, window: Window | None) -> Prediction:
-        """Sharpen the coarse map with the left view, inside the window or everywhere."""
+    def refine(self, coarse: Coarse) -> Prediction:
+        """Sharpen the coarse map with the left view; its map becomes the first of the prediction."""
 
     def forward(self, left: Tensor, right: Tensor, refined: bool = True, window: Window | None = None) -> Prediction:
         """Predict from float views [N, 3, H, W], 0..255; H and W are multiples of ``input_multiple``.
 
         Without ``refined`` only the coarse map is computed. A window limits the refinement, which is local and by far
-        the dearest part of training.
+        the dearest part of training: the first map is then that of the whole input, the second that of the window.
         """
         coarse = self.coarse(left, right)
-        return self.refine(coarse, left, window) if refined else coarse
+        if not refined:
+            return Prediction([coarse.disparity], coarse.evidence)
+        if window is None:
+            return self.refine(coarse)
+        prediction = self.refine(Coarse(*(window.of(values, self.output_stride) for values in coarse)))
+        return Prediction([coarse.disparity, *prediction.disparities[1:]], prediction.evidence)
 
-    def export_form(self) -> nn.Module:
-        """Return an equal network whose layers suit the deployed runtime; may be the network itself."""
-        return self
+    def export_form(self) -> StereoNetwork:
+        """Return a copy in evaluation mode that computes the same with layers that suit the deployed runtime.
+
+        Batch norm is folded and 3-D convolutions become 2-D ones over neighbouring planes.
+        """
+        form = copy.deepcopy(self).eval()
+        fold_batch_norm(form)
+        for name, child in list(form.named_children()):
+            if isinstance(child, Aggregation):
+                setattr(form, name, PlaneAggregation(child))
+        return form
 
 
 class Deployed(nn.Module):
     """The whole function of a model file: uint8 views in, disparity and confidence out."""
 
-    def __init__(self, network: StereoNetwork, confidence: ConfidenceHead) -> None:
+    def __init__(self, network: StereoNetwork) -> None:
         super().__init__()
         self.network = network
-        self.confidence = confidence
 
     def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
         """Map uint8 [N, 3, H, W] to disparity and confidence, float32 [N, 1, H/s, W/s]."""
         prediction = self.network(left.to(torch.float32), right.to(torch.float32))
-        return prediction.disparities[-1], self.confidence(prediction.evidence)
+        return prediction.disparities[-1], self.network.confidence(prediction.evidence)
+
+
+def check_max_disparity(value: int, cell: int) -> int:
+    """Return the value if it is a positive multiple of the cell of the disparity planes, px."""
+    if value <= 0 or value % cell:
+        raise InvalidArgument("max_disparity", f"must be a positive multiple of {cell}", value)
+    return value

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import torch.nn.functional as F
 from torch import Tensor, nn
+
+from endosdk.errors import InvalidArgument
 
 
 class ConvNorm(nn.Module):
     """Convolution, batch norm, leaky rectifier; ``residual`` adds the input before the rectifier.
 
-    Padding keeps the size (divided by the stride). The addition comes before the rectifier because runtimes fuse
-    convolution, addition and rectifier in that order.
+    The addition comes before the rectifier because runtimes fuse convolution, addition and rectifier in that order.
+    ``padding`` is zeros (before, after) each spatial axis; by default what keeps the size, divided by the stride.
     """
 
     def __init__(
@@ -20,25 +23,43 @@ class ConvNorm(nn.Module):
         kernel: int = 3,
         stride: int = 1,
         dilation: int = 1,
+        padding: tuple[int, int] | None = None,
         dims: int = 2,
         slope: float = 0.2,
         residual: bool = False,
     ) -> None:
         super().__init__()
         conv, norm = (nn.Conv2d, nn.BatchNorm2d) if dims == 2 else (nn.Conv3d, nn.BatchNorm3d)
-        padding = dilation * (kernel - 1) // 2
-        self.conv = conv(inputs, outputs, kernel, stride, padding, dilation, bias=False)
+        before, after = padding or (dilation * (kernel - 1) // 2,) * 2
+        self.uneven = () if before == after else (before, after) * dims
+        self.conv = conv(inputs, outputs, kernel, stride, 0 if self.uneven else before, dilation, bias=False)
         self.norm: nn.Module = norm(outputs)
         self.activation = nn.LeakyReLU(slope)
         self.residual = residual
         nn.init.kaiming_normal_(self.conv.weight, a=slope)
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Apply the layer to [N, inputs, ...]."""
-        y: Tensor = self.norm(self.conv(x))
+    def forward(self, x: Tensor, added: Tensor | None = None) -> Tensor:
+        """Apply the layer to [N, inputs, ...]; ``added`` joins before the rectifier."""
+        y: Tensor = self.norm(self.conv(F.pad(x, self.uneven) if self.uneven else x))
         if self.residual:
             y = y + x
+        if added is not None:
+            y = y + added
         out: Tensor = self.activation(y)
+        return out
+
+
+class ResidualPair(nn.Module):
+    """Two convolutions around which the input is added."""
+
+    def __init__(self, channels: int, slope: float) -> None:
+        super().__init__()
+        self.first = ConvNorm(channels, channels, slope=slope)
+        self.second = ConvNorm(channels, channels, slope=slope)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Apply both to [N, channels, h, w]."""
+        out: Tensor = self.second(self.first(x), added=x)
         return out
 
 
@@ -46,5 +67,12 @@ def fold_batch_norm(network: nn.Module) -> None:
     """Fold every batch norm of a network in evaluation mode into its convolution, in place."""
     for module in network.modules():
         if isinstance(module, ConvNorm) and not isinstance(module.norm, nn.Identity):
+            if module.training:
+                raise InvalidArgument("network", "must be in evaluation mode before batch norm is folded", "training")
             module.conv = nn.utils.fusion.fuse_conv_bn_eval(module.conv, module.norm)  # type: ignore[type-var]
             module.norm = nn.Identity()
+
+
+def scaled_colours(image: Tensor) -> Tensor:
+    """Bring 0..255 to -2..2, about the spread that initial weights expect."""
+    return image * (1.0 / 64.0) - 2.0

@@ -100,6 +100,11 @@ def soft_argmin(cost: Tensor) -> SoftArgmin:
     return SoftArgmin(mean, excess.clamp_min(0.0))
 
 
-def local_range(disparity: Tensor) -> Tensor:
-    """Largest minus smallest value among the 3x3 neighbours of [N, 1, h, w]: high where surfaces meet."""
-    return F.max_pool2d(disparity, 3, 1, 1) + F.max_pool2d(-disparity, 3, 1, 1)
+def match_evidence(found: SoftArgmin, cell: int) -> Tensor:
+    """Logarithms [N, 2, h, w] of what betrays a bad match: doubt of the distribution, and an edge nearby.
+
+    The edge is the largest minus the smallest disparity among 3x3 neighbours; ``cell`` is the plane distance in px.
+    """
+    disparity = found.disparity.detach() * cell
+    edge = F.max_pool2d(disparity, 3, 1, 1) + F.max_pool2d(-disparity, 3, 1, 1)
+    return torch.cat([torch.log(found.excess + 1e-3), torch.log(edge + 0.1)], dim=1)
