@@ -75,7 +75,7 @@ def test_wrong_interface_is_refused():
 
 @pytest.mark.parametrize("provider", ["warp-drive", "cuda"])
 def test_missing_provider_is_an_error_that_says_what_is_installed(provider):
-    with pytest.raises(errors.ProviderUnavailable, match="installed: .*CPUExecutionProvider"):
+    with pytest.raises(errors.ProviderUnavailable, match=r"installed: .*CPUExecutionProvider"):
         StereoSession(read_model(TINY_MODEL), provider=provider)
 
 

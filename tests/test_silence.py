@@ -1,41 +1,63 @@
-"""No socket, and no file outside the folder that was given: proved in a process that forbids both."""
+"""No network and no file of its own: seen from outside, with a library that records every attempt."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.conftest import ROOT, TINY_MODEL
 
-PROGRAM = f"""
-import sys
-seen = []
-def watch(event, args):
-    if event.startswith("socket."):
-        seen.append((event, args))
-sys.addaudithook(watch)
+PREDICT = f"""
 import time
-import endosdk, numpy as np
+import endosdk
+from tests.conftest import shifted_pair
 estimator = endosdk.DepthEstimator({str(TINY_MODEL)!r})
-frame = np.random.default_rng(0).integers(0, 255, (64, 96, 3)).astype(np.uint8)
-for _ in range(50):
-    estimator.predict(frame, frame)
-time.sleep(3)  # the runtime's reporter, were it on, would look up its host within this time
-threads = [open(f"/proc/self/task/{{t}}/comm").read().strip() for t in __import__("os").listdir("/proc/self/task")]
-sockets = [l for l in (__import__("os").readlink(f"/proc/self/fd/{{f}}") for f in __import__("os").listdir("/proc/self/fd")
-           if __import__("os").path.exists(f"/proc/self/fd/{{f}}")) if l.startswith("socket:")]
-print("python sockets:", seen)
-print("open sockets:", sockets)
+pair = shifted_pair(64, 96, 8)
+for _ in range(200):
+    estimator.predict(*pair)
+time.sleep(3)  # the runtime's own reporter looks up its host within this time when it is on
 """
 
+TALK = "import socket\ntry: socket.getaddrinfo('example.invalid', 80)\nexcept OSError: pass"
 
-def test_a_thousand_words_to_nobody(tmp_path):
-    # CI keeps the runtime's telemetry off by itself, so the proof must run without that variable.
+
+@pytest.fixture(scope="module")
+def watcher(tmp_path_factory):
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    library = tmp_path_factory.mktemp("watch") / "watch_network.so"
+    source = ROOT / "tests" / "data" / "watch_network.c"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
+    return library
+
+
+def attempts(watcher: Path, home: Path, program: str) -> list[str]:
+    log = home.parent / f"{home.name}.log"
+    # CI keeps the runtime's reporter off by itself, so the proof must run without that variable.
     environment = {k: v for k, v in os.environ.items() if k not in ("CI", "GITHUB_ACTIONS", "ORT_DISABLE_TELEMETRY")}
-    environment |= {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True, env=environment, cwd=ROOT
-    )
-    assert "python sockets: []" in done.stdout
-    assert "open sockets: []" in done.stdout
-    assert list(Path(tmp_path).rglob("*")) == []
+    environment |= {
+        "LD_PRELOAD": str(watcher),
+        "WATCH_NETWORK_LOG": str(log),
+        "HOME": str(home),
+        "XDG_CACHE_HOME": str(home / "cache"),
+        "PYTHONPATH": str(ROOT),
+    }
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment, cwd=ROOT)
+    return log.read_text().splitlines() if log.exists() else []
+
+
+def test_the_watcher_sees(watcher, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    assert "example.invalid" in attempts(watcher, home, TALK)
+
+
+def test_two_hundred_frames_reach_nobody_and_leave_nothing(watcher, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    assert attempts(watcher, home, PREDICT) == []
+    assert list(home.rglob("*")) == []

@@ -84,7 +84,8 @@ class DepthEstimator:
         """Estimate depth for one pair.
 
         Args:
-            left, right: uint8 [H, W, 3], [H, W, 1] or [H, W]; any row pitch.
+            left: uint8 [H, W, 3], [H, W, 1] or [H, W]; any row pitch.
+            right: the same shape as left.
             out: an earlier result of this estimator whose maps are overwritten and returned in a new result, so that
                 no memory is allocated; by default every result has maps of its own.
 
@@ -109,7 +110,7 @@ class DepthEstimator:
             return self._result(maps, answered, timings)
 
     def rectified_pair(self) -> tuple[Frame, Frame]:
-        """Copies of the rectified pictures of the latest frame as the network saw them, RGB uint8 [h, w, 3] each."""
+        """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each."""
         with self._lock:
             if self._frames == 0:
                 raise InvalidArgument("estimator", "predict must be called before rectified_pair", "no frame yet")

@@ -27,7 +27,7 @@ class RawPair:
     disparity: npt.NDArray[np.float32]
 
     def resized(self, width: int, height: int) -> RawPair:
-        """The same pair as a camera of another size would give it; the truth is resampled without mixing surfaces."""
+        """Return the pair as a camera of another size would give it; the truth is resampled without mixing surfaces."""
         import cv2
 
         old_height, old_width = self.left.shape[:2]

@@ -66,9 +66,7 @@ def run(args: argparse.Namespace) -> int:
         _print_error(result, args.truth)
     offset = row_offset(view, other)
     if offset.median_px is not None and offset.median_px > ROW_OFFSET_LIMIT:
-        print(
-            f"WARNING    rows differ by {offset.median_px:.1f} px (median): this pair is not rectified; use --calibration"
-        )
+        print(f"WARNING    rows differ by {offset.median_px:.1f} px (median): not rectified; give --calibration")
     for name, path in files.items():
         print(f"{'written' if name == 'disparity.png' else '':10} {path}")
     return 0
