@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+
 from endosdk import metrics
 from endosdk.errors import InvalidArgument
 from endosdk.scores import ScoreBoard, evaluate_pair

@@ -55,7 +55,7 @@ def recognise(paths: tuple[Path, ...]) -> str:
     text = read_text(first)
     if first.suffix.lower() == ".json":
         return _recognise_json(first, text)
-    if first.suffix.lower() == ".xml" or "<opencv_storage>" in text or "opencv-matrix" in text:
+    if opencv.is_file_storage(first, text):
         return "opencv"
     if foundationstereo.looks_like(text):
         return "foundationstereo"
@@ -75,7 +75,7 @@ def _recognise_json(path: Path, text: str) -> str:
 
 
 def _existing_paths(path: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    parts = [path] if isinstance(path, str | Path) else list(path)
+    parts = list(path) if isinstance(path, list | tuple) else [path]
     if not 1 <= len(parts) <= 2 or not all(isinstance(part, str | Path) for part in parts):
         raise InvalidArgument("path", "must be a file, a folder or a pair of files", repr(path))
     paths = tuple(Path(part) for part in parts)

@@ -45,6 +45,12 @@ SHAPES = {
 }
 
 
+def is_file_storage(path: Path, text: str) -> bool:
+    """Whether OpenCV's own parser is the one to read this; its YAML carries tags that others refuse."""
+    tagged = any(mark in text for mark in ("opencv-matrix", "opencv-nd-matrix", "<opencv_storage>"))
+    return tagged or path.suffix.lower() in (".xml", ".json")
+
+
 def looks_like(keys: Iterable[str]) -> bool:
     """Whether the names include at least one camera matrix of a stereo pair."""
     return any(_field(key) in ("left_matrix", "right_matrix") for key in keys)
@@ -83,8 +89,7 @@ def _field(key: str) -> str | None:
 def _fields(path: Path) -> dict[str, Any]:
     """Return what the file holds under our names, as arrays of the right shape."""
     text = read_text(path)
-    storage = path.suffix.lower() in (".xml", ".json") or "opencv-matrix" in text or "<opencv_storage>" in text
-    content = _storage_values(path, text) if storage else dict(yaml_mapping(path, text))
+    content = _storage_values(path, text) if is_file_storage(path, text) else dict(yaml_mapping(path, text))
     found: dict[str, Any] = {}
     for key, value in content.items():
         name = _field(key)
