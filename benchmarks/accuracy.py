@@ -1,0 +1,58 @@
+"""Our models and StereoSGBM on the same pairs, none of which a model has seen: error, share over 1 px, time.
+
+    python -m benchmarks.accuracy --data DIR --models wang2020 --json benchmarks/results/accuracy.json
+
+StereoSGBM stands twice: with its holes filled, so that it answers every pixel as the networks do, and as it is, where
+it leaves the pixels out that it does not trust.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from benchmarks.record import machine_record
+from endosdk.dataset import open_dataset
+from endosdk.evaluation import estimator_method, evaluate, sgbm_method
+from endosdk.models import read_model
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
+    parser.add_argument("--split", default="test")
+    parser.add_argument("--pairs", type=int, help="only the first so many pairs")
+    parser.add_argument("--models", nargs="+", default=["wang2020"], help="shipped names or .onnx files")
+    parser.add_argument("--json", type=Path, required=True)
+    args = parser.parse_args()
+    reader = open_dataset(args.data, args.split)
+    methods = {name: estimator_method(name) for name in args.models}
+    methods |= {"sgbm-filled": sgbm_method(filled=True), "sgbm": sgbm_method(filled=False)}
+    scores = {}
+    for name, method in methods.items():
+        print(name, file=sys.stderr)
+        scores[name] = evaluate(method, reader, args.pairs)
+    record = {
+        "command": f"python -m benchmarks.accuracy --data {reader.name} --split {args.split} "
+        f"--models {' '.join(args.models)}" + (f" --pairs {args.pairs}" if args.pairs else ""),
+        "dataset": {"name": reader.name, "split": args.split, "sha256": reader.sha256},
+        "models": {name: read_model(name).sha256 for name in args.models},
+        "methods": scores,
+        **machine_record(),
+    }
+    args.json.parent.mkdir(parents=True, exist_ok=True)
+    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    for name, score in scores.items():
+        for region in ("all", "non_occluded"):
+            if region in score:
+                m = score[region]
+                print(
+                    f"{name:12} {region:13} EPE {m['epe_px']:.3f} px, over 1 px {100 * m['kpe_1']:.2f} %, "
+                    f"over 3 px {100 * m['kpe_3']:.2f} %, answered {100 * m['coverage']:.1f} % of {m['pixels']}"
+                )
+
+
+if __name__ == "__main__":
+    main()
