@@ -9,6 +9,8 @@ from endosdk.training.networks.base import StereoNetwork
 from endosdk.training.networks.fast import Fast
 from endosdk.training.networks.wang2020 import Wang2020
 
+__all__ = ["NETWORKS", "StereoNetwork", "build_network"]
+
 NETWORKS: dict[str, Callable[..., StereoNetwork]] = {"fast": Fast, "wang2020": Wang2020}
 
 

@@ -66,10 +66,10 @@ class ResidualPair(nn.Module):
 def fold_batch_norm(network: nn.Module) -> None:
     """Fold every batch norm of a network in evaluation mode into its convolution, in place."""
     for module in network.modules():
-        if isinstance(module, ConvNorm) and not isinstance(module.norm, nn.Identity):
+        if isinstance(module, ConvNorm) and isinstance(module.norm, nn.BatchNorm2d | nn.BatchNorm3d):
             if module.training:
                 raise InvalidArgument("network", "must be in evaluation mode before batch norm is folded", "training")
-            module.conv = nn.utils.fusion.fuse_conv_bn_eval(module.conv, module.norm)  # type: ignore[type-var]
+            module.conv = nn.utils.fusion.fuse_conv_bn_eval(module.conv, module.norm)
             module.norm = nn.Identity()
 
 

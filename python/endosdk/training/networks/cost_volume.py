@@ -8,6 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from endosdk.errors import InvalidArgument
 from endosdk.training.networks.blocks import ConvNorm
 
 
@@ -47,35 +48,34 @@ class PlaneAggregation(nn.Module):
 
     def __init__(self, source: Aggregation) -> None:
         super().__init__()
-        self.layers = nn.ModuleList(
-            nn.Sequential(_over_planes(layer.conv), layer.activation) for layer in source.layers
-        )
+        layers = [layer for layer in source.layers if isinstance(layer, ConvNorm)]
+        self.layers = nn.ModuleList(nn.Sequential(_over_planes(layer.conv), layer.activation) for layer in layers)
         self.cost = _over_planes(source.cost)
 
     def forward(self, volume: Tensor) -> Tensor:
         """Map the volume [N, C, D, h, w] to cost [N, h, w, D]."""
         planes = volume.permute(2, 0, 1, 3, 4)
         for layer in self.layers:
-            planes = self._apply(layer, planes)
-        return self._apply(self.cost, planes).squeeze(2).permute(1, 2, 3, 0)
+            planes = self._convolve(layer, planes)
+        return self._convolve(self.cost, planes).squeeze(2).permute(1, 2, 3, 0)
 
     @staticmethod
-    def _apply(layer: nn.Module, planes: Tensor) -> Tensor:
+    def _convolve(layer: nn.Module, planes: Tensor) -> Tensor:
         count = planes.shape[0]
         padded = F.pad(planes, (0, 0, 0, 0, 0, 0, 0, 0, 1, 1))
         neighbours = torch.cat([padded[:-2], planes, padded[2:]], dim=2)
-        result: Tensor = layer(neighbours.flatten(0, 1))
-        return result.unflatten(0, (count, -1))
+        result = layer(neighbours.flatten(0, 1))
+        return torch.unflatten(result, 0, (count, -1))
 
 
-def _over_planes(conv: nn.Conv3d) -> nn.Conv2d:
+def _over_planes(conv: nn.Module) -> nn.Conv2d:
     """Make the 2-D convolution that equals a 3x3x3 one on [previous, this, next] plane joined along channels."""
+    if not isinstance(conv, nn.Conv3d) or conv.bias is None:
+        raise InvalidArgument("network", "must have batch norm folded into its 3-D convolutions", conv)
     flat = nn.Conv2d(conv.in_channels * 3, conv.out_channels, 3, padding=1)
     with torch.no_grad():
         flat.weight.copy_(conv.weight.permute(0, 2, 1, 3, 4).flatten(1, 2))
-        if conv.bias is None or flat.bias is None:
-            raise ValueError("fold batch norm first: the convolution has no bias yet")
-        flat.bias.copy_(conv.bias)
+        flat.bias = conv.bias
     return flat
 
 

@@ -15,6 +15,8 @@ the difference volume, eight that refine the upsampled map with the left view. W
 
 from __future__ import annotations
 
+from functools import partial
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -71,14 +73,12 @@ class Wang2020(StereoNetwork):
         volume = difference_volume(views[:pairs], views[pairs:], self.max_disparity // CELL)
         found = soft_argmin(self.aggregation(volume))
         disparity = found.disparity * CELL
-        return Coarse(_upsampled(disparity), _upsampled(match_evidence(found, CELL)), colours[:pairs])
+        # The size is given, not the factor: the exporter can follow it for every height and width.
+        upsampled = partial(F.interpolate, size=left.shape[-2:], mode="bilinear", align_corners=False)
+        return Coarse(upsampled(disparity), upsampled(match_evidence(found, CELL)), colours[:pairs])
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Add what the left view tells about edges, and rectify."""
         correction = self.refinement(torch.cat([coarse.disparity / CELL, coarse.context], dim=1))
         evidence = torch.cat([coarse.evidence, torch.log(correction.detach().abs() + 0.05)], dim=1)
         return Prediction([coarse.disparity, torch.relu(coarse.disparity + correction)], evidence)
-
-
-def _upsampled(cells: Tensor) -> Tensor:
-    return F.interpolate(cells, scale_factor=float(CELL), mode="bilinear", align_corners=False)

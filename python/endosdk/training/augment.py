@@ -1,0 +1,135 @@
+"""Random views of a rendered pair: other crop, other scale, other light, another camera on each side.
+
+Every function draws from the generator it is given, so a crop is a function of its seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+Map = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two views [H, W, 3] RGB and the disparity of the left one [H, W] in px, NaN where there is no truth."""
+
+    left: Image
+    right: Image
+    disparity: Map
+
+
+def random_pair(pair: Pair, mirrored: Pair | None, crop: tuple[int, int], rng: Generator) -> Pair:
+    """Draw one training pair of size ``crop`` (height, width).
+
+    ``mirrored`` is the pair as seen in a mirror (flipped views swapped, truth of the right view); None where the data
+    has no truth for the right view.
+    """
+    if mirrored is not None and rng.random() < 0.5:
+        pair = mirrored
+    pair = _crop(pair, crop, rng)
+    if rng.random() < 0.5:
+        pair = Pair(pair.left[::-1], pair.right[::-1], pair.disparity[::-1])
+    left, right = _colours(pair.left, pair.right, rng)
+    if rng.random() < 0.5:
+        right = _misaligned(right, rng)
+    left, right = (_sensor(view, rng) for view in (left, right))
+    if rng.random() < 0.3:
+        right = _occluded(right, rng)
+    return Pair(left, right, pair.disparity)
+
+
+def plain_pair(pair: Pair, crop: tuple[int, int], rng: Generator) -> Pair:
+    """Draw a crop and change nothing else."""
+    top, left = _corner(pair.left.shape[:2], crop, rng)
+    return _window(pair, top, left, *crop)
+
+
+def mirror(left: Image, right: Image, disparity_right: Map) -> Pair:
+    """Make the pair a mirror shows: what was the right eye becomes the left one."""
+    return Pair(right[:, ::-1], left[:, ::-1], disparity_right[:, ::-1])
+
+
+def _corner(size: tuple[int, ...], crop: tuple[int, int], rng: Generator) -> tuple[int, int]:
+    return int(rng.integers(0, size[0] - crop[0] + 1)), int(rng.integers(0, size[1] - crop[1] + 1))
+
+
+def _window(pair: Pair, top: int, left: int, height: int, width: int) -> Pair:
+    rows, columns = slice(top, top + height), slice(left, left + width)
+    return Pair(pair.left[rows, columns], pair.right[rows, columns], pair.disparity[rows, columns])
+
+
+def _crop(pair: Pair, crop: tuple[int, int], rng: Generator) -> Pair:
+    """Cut a window of random size and bring it to the crop's: a random scale and stretch of the picture."""
+    height, width = pair.left.shape[:2]
+    scale = np.exp(rng.uniform(np.log(0.7), np.log(1.4)))
+    stretch = np.exp(rng.uniform(-0.15, 0.15))
+    source = (min(height, round(crop[0] / (scale * stretch))), min(width, round(crop[1] / scale)))
+    top, left = _corner((height, width), source, rng)
+    window = _window(pair, top, left, *source)
+    size = (crop[1], crop[0])
+    views = [
+        cv2.resize(np.ascontiguousarray(view), size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
+        for view in (window.left, window.right)
+    ]
+    # Nearest, by pixel centres: a mean over an edge would be a surface that is not there.
+    disparity = cv2.resize(np.ascontiguousarray(window.disparity), size, interpolation=cv2.INTER_NEAREST_EXACT)
+    disparity = disparity * np.float32(crop[1] / source[1])
+    return Pair(views[0].astype(np.uint8), views[1].astype(np.uint8), disparity.astype(np.float32))
+
+
+def _colours(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
+    """Gamma, gain and offset per channel: a large part common to both views, a small part of each alone."""
+    common = _curve(rng, 0.25)
+    left_curve, right_curve = (common + _curve(rng, 0.06) for _ in range(2))
+    return _toned(left, left_curve), _toned(right, right_curve)
+
+
+def _curve(rng: Generator, strength: float) -> NDArray[np.float64]:
+    """Draw a tone curve: logarithm of gamma, logarithm of the gain, offset in grey levels, for each channel: [3, 3]."""
+    gamma = np.full(3, rng.normal(0.0, strength))
+    gain = rng.normal(0.0, strength / 2) + rng.normal(0.0, strength / 4, size=3)
+    offset = np.full(3, rng.normal(0.0, strength * 40.0))
+    return np.stack([gamma, gain, offset])
+
+
+def _toned(view: Image, curve: NDArray[np.float64]) -> Image:
+    gamma, gain, offset = curve
+    levels = np.linspace(0.0, 1.0, 256)[:, None] ** np.exp(gamma)
+    table = np.clip(levels * np.exp(gain) * 255.0 + offset, 0.0, 255.0).astype(np.uint8)
+    return np.asarray(cv2.LUT(np.ascontiguousarray(view), table[None]), dtype=np.uint8)
+
+
+def _misaligned(view: Image, rng: Generator) -> Image:
+    """Shift rows by up to a pixel and turn by up to 0.1 degree: what is left after a good calibration."""
+    height, width = view.shape[:2]
+    turn = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), float(rng.uniform(-0.1, 0.1)), 1.0)
+    turn[1, 2] += rng.uniform(-1.0, 1.0)
+    warped = cv2.warpAffine(view, turn, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(warped, dtype=np.uint8)
+
+
+def _sensor(view: Image, rng: Generator) -> Image:
+    """Blur and noise of one camera."""
+    if rng.random() < 0.3:
+        view = np.asarray(cv2.GaussianBlur(view, (0, 0), float(rng.uniform(0.3, 1.3))), dtype=np.uint8)
+    if rng.random() < 0.7:
+        noise = rng.standard_normal(view.shape, dtype=np.float32) * np.float32(rng.uniform(0.0, 5.0))
+        view = np.clip(view + noise, 0.0, 255.0).astype(np.uint8)
+    return view
+
+
+def _occluded(view: Image, rng: Generator) -> Image:
+    """Cover one patch with the mean colour: something that only one camera sees."""
+    height, width = view.shape[:2]
+    tall, wide = int(rng.integers(height // 10, height // 3)), int(rng.integers(width // 20, width // 6))
+    top, left = int(rng.integers(0, height - tall)), int(rng.integers(0, width - wide))
+    covered = view.copy()
+    covered[top : top + tall, left : left + wide] = view.mean(axis=(0, 1)).astype(np.uint8)
+    return covered

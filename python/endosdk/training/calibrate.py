@@ -1,0 +1,63 @@
+"""Fit the confidence to the errors that a trained network really makes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from endosdk.dataset import DatasetReader
+from endosdk.errors import InvalidArgument
+from endosdk.training.evaluate import predict_frames
+from endosdk.training.networks.base import StereoNetwork
+
+PIXELS_PER_FRAME = 20_000
+
+
+def fit_laplace(evidence: Tensor, error: Tensor) -> Tensor:
+    """Return the weights (constant first) that make log b = weights . (1, evidence) most likely.
+
+    ``evidence`` [M, K], ``error`` [M] in px, of either sign. Minimises the mean of |error| / b + log b, which is convex
+    in the weights, so there is one answer.
+    """
+    if evidence.ndim != 2 or error.shape != evidence.shape[:1] or len(error) <= evidence.shape[1]:
+        raise InvalidArgument("evidence", "must be [M, K] with more rows than columns, one error each", evidence.shape)
+    size = error.double().abs().clamp_min(1e-6)
+    # Columns are brought to mean 0 and spread 1, for the sake of the search; the weights are turned back at the end.
+    centre, spread = evidence.double().mean(dim=0), evidence.double().std(dim=0).clamp_min(1e-6)
+    columns = torch.cat([torch.ones(len(size), 1, dtype=torch.float64), (evidence.double() - centre) / spread], dim=1)
+    weights = torch.zeros(columns.shape[1], dtype=torch.float64, requires_grad=True)
+    with torch.no_grad():
+        weights[0] = math.log(float(size.mean()))
+    search = torch.optim.LBFGS([weights], max_iter=200, tolerance_grad=1e-9, line_search_fn="strong_wolfe")
+
+    def loss() -> Tensor:
+        search.zero_grad()
+        log_scale = columns @ weights
+        value = (size * torch.exp(-log_scale) + log_scale).mean()
+        value.backward()  # type: ignore[no-untyped-call]
+        return value
+
+    search.step(loss)  # type: ignore[no-untyped-call]
+    fitted = weights.detach()
+    slopes = fitted[1:] / spread
+    return torch.cat([fitted[:1] - (slopes * centre).sum(), slopes]).float()
+
+
+def calibrate_confidence(network: StereoNetwork, reader: DatasetReader, indices: list[int], seed: int = 0) -> None:
+    """Fit the network's confidence, in place, on pairs that it was not trained on.
+
+    Pixels that only one camera sees count too: doubt there is what the confidence is for.
+    """
+    rng = np.random.default_rng(seed)
+    evidence, error = [], []
+    for frame in predict_frames(network, reader, indices, title="confidence"):
+        known = np.flatnonzero(np.isfinite(frame.truth))
+        chosen = rng.choice(known, size=min(PIXELS_PER_FRAME, len(known)), replace=False)
+        evidence.append(frame.evidence.flatten(1)[:, chosen].T)
+        error.append(torch.from_numpy((frame.maps[-1] - frame.truth).ravel()[chosen]))
+    if not evidence:
+        raise InvalidArgument("held_out", "must leave at least one pair to fit the confidence on", 0)
+    network.confidence.weights.copy_(fit_laplace(torch.cat(evidence), torch.cat(error)))

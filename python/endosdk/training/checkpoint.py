@@ -1,0 +1,84 @@
+"""Checkpoints: one safetensors file with weights and optimiser state, the settings as JSON in its header."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+from torch.optim import Optimizer
+
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.training.config import TrainConfig
+from endosdk.training.networks import StereoNetwork, build_network
+
+LAST = "last.safetensors"
+FORMAT = "1"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Everything that a run needs to go on, or an export to begin."""
+
+    config: TrainConfig
+    step: int  # steps done
+    state: dict[str, Any]  # free notes of the run: seconds spent, validations, data set
+    network: dict[str, Tensor]
+    optimiser: dict[str, Tensor]
+
+    def build(self) -> StereoNetwork:
+        """Build the network that was saved, in evaluation mode."""
+        network = build_network(self.config.network, self.config.max_disparity)
+        network.load_state_dict(self.network)
+        return network.eval()
+
+
+def save(
+    path: Path, config: TrainConfig, step: int, state: dict[str, Any], network: nn.Module, optimiser: Optimizer
+) -> None:
+    """Write a checkpoint so that a reader finds the old one or the new one, never half."""
+    tensors = {f"network.{name}": tensor for name, tensor in network.state_dict().items()}
+    for index, entries in optimiser.state_dict()["state"].items():
+        for name, value in entries.items():
+            tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value)
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    header = {"format": FORMAT, "config": json.dumps(config.as_dict()), "step": str(step), "state": json.dumps(state)}
+    partial = path.with_name(path.name + ".partial")
+    try:
+        save_file(tensors, partial, metadata=header)
+        partial.replace(path)
+    except (OSError, SafetensorError) as error:
+        raise StorageFailed("out", "must be writable", f"{path} ({error})") from error
+
+
+def load(path: Path) -> Checkpoint:
+    """Read a checkpoint file, or the last one of a run folder."""
+    file = path / LAST if path.is_dir() else path
+    try:
+        with safe_open(file, framework="pt") as archive:
+            header = archive.metadata() or {}
+            tensors = {name: archive.get_tensor(name) for name in archive.keys()}
+    except (OSError, SafetensorError) as error:
+        raise InvalidArgument("checkpoint", "must be a readable safetensors file", f"{file} ({error})") from error
+    if header.get("format") != FORMAT:
+        raise InvalidArgument("checkpoint", f"must be one of this package, format {FORMAT}", file)
+    parts: dict[str, dict[str, Tensor]] = {"network": {}, "optimiser": {}}
+    for name, tensor in tensors.items():
+        part, _, rest = name.partition(".")
+        parts[part][rest] = tensor
+    config = TrainConfig.from_dict(json.loads(header["config"]))
+    return Checkpoint(config, int(header["step"]), json.loads(header["state"]), parts["network"], parts["optimiser"])
+
+
+def restore_optimiser(optimiser: Optimizer, tensors: dict[str, Tensor]) -> None:
+    """Give the optimiser its saved moments; its rates stay as they are."""
+    entries: dict[int, dict[str, Tensor]] = {}
+    for name, tensor in tensors.items():
+        index, _, key = name.partition(".")
+        entries.setdefault(int(index), {})[key] = tensor
+    optimiser.load_state_dict({"state": entries, "param_groups": optimiser.state_dict()["param_groups"]})

@@ -1,0 +1,90 @@
+"""Settings of a training run; an experiment is the handful of fields that differ from these defaults."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from endosdk.errors import InvalidArgument
+from endosdk.training.loss import build_loss
+
+OPTIMISERS = ("rmsprop", "adamw")
+PRECISIONS = ("auto", "fp32", "bf16")
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run. Sizes are (height, width) in pixels of the crop."""
+
+    # what is trained, on what
+    network: str = "wang2020"
+    max_disparity: int = 72  # px; pixels with larger truth are left out of the loss
+    data: str = ""  # root of the data set
+    layout: str = "endosdk"  # how the data set is laid out on disk
+    train_pairs: int | None = None  # use only the first so many pairs; None: all but those held out
+    held_out: int = 8  # last pairs of the train split, kept for validation and for fitting the confidence
+    init_from: str | None = None  # run folder or checkpoint whose weights are the start
+
+    # samples
+    batch: int = 4  # pairs per step and process
+    crop: tuple[int, int] = (256, 512)  # wide, so that the band without a match on the left stays small
+    augment: bool = True
+    workers: int = 0  # extra processes that prepare crops; each keeps its own cache
+    cache_gib: float = 8.0  # memory for decoded pairs
+    seed: int = 0
+
+    # loss
+    loss: str = "scale-invariant"
+    balance: float = 0.5  # of the scale-invariant loss: 0 squares in log space, 1 ignores a common factor
+    coarse_weight: float = 0.5  # of the coarse map's loss once the refined map is trained too
+
+    # schedule
+    steps: int = 4000
+    optimiser: str = "rmsprop"  # the paper's; adamw is the other
+    rate: float = 1e-3
+    final_rate: float = 3e-5  # the rate falls exponentially from rate to this over the run
+    warmup: int = 50  # steps in which the rate rises from zero
+    weight_decay: float = 1e-4  # adamw alone
+    clip: float = 1.0  # largest norm of the gradient; 0: no limit
+    refine_from_step: int = 0  # until then only the coarse stage is computed, at a sixth of the cost
+    refine_crop: tuple[int, int] | None = None  # the refinement sees a random window of this size; None: the whole crop
+
+    # system
+    precision: str = "auto"  # bf16 where the processor has units for it (elsewhere it is slower), else fp32
+    device: str = "auto"  # cuda when there is one, else cpu
+    log_every: int = 20  # steps per line of log.csv
+    validate_every: int = 500  # steps
+    checkpoint_minutes: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Check what would otherwise fail late or train silently wrong."""
+        build_loss(self.loss)
+        for name, choices in (("optimiser", OPTIMISERS), ("precision", PRECISIONS)):
+            if getattr(self, name) not in choices:
+                raise InvalidArgument(name, f"must be one of {', '.join(choices)}", getattr(self, name))
+        for name in ("batch", "steps", "max_disparity", "log_every", "validate_every"):
+            if getattr(self, name) < 1:
+                raise InvalidArgument(name, "must be at least 1", getattr(self, name))
+        if not 0 < self.final_rate <= self.rate:
+            raise InvalidArgument("final_rate", "must be above 0 and at most rate", self.final_rate)
+        if self.refine_crop is not None and any(w > c for w, c in zip(self.refine_crop, self.crop, strict=True)):
+            raise InvalidArgument("refine_crop", f"must fit into the crop {self.crop}", self.refine_crop)
+
+    def rate_at(self, step: int) -> float:
+        """Learning rate of one step: a linear rise, then the paper's exponential decay."""
+        decay = (self.final_rate / self.rate) ** min(step / self.steps, 1.0)
+        return float(self.rate * decay * min(1.0, (step + 1) / max(self.warmup, 1)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values that JSON can hold."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> TrainConfig:
+        """Rebuild from `as_dict`, perhaps after a way through JSON."""
+        known = {f.name for f in fields(cls)}
+        unknown = sorted(set(values) - known)
+        if unknown:
+            raise InvalidArgument("config", f"must hold only the fields {', '.join(sorted(known))}", unknown)
+        sized = {name: tuple(values[name]) for name in ("crop", "refine_crop") if values.get(name) is not None}
+        return cls(**{**values, **sized})

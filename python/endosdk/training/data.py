@@ -1,0 +1,127 @@
+"""Training crops out of a data set on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import DataLoader, Dataset
+
+from endosdk.dataset import DatasetReader
+from endosdk.errors import InvalidArgument
+from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
+
+TRUTH_SCALE = 256.0  # disparity is cached in 1/256 px, as it is on disk
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """One decoded pair as it waits in memory: 5 bytes a pixel and view."""
+
+    left: NDArray[np.uint8]
+    right: NDArray[np.uint8]
+    disparity: NDArray[np.uint16]
+    disparity_right: NDArray[np.uint16] | None
+
+    @property
+    def size(self) -> int:
+        right = 0 if self.disparity_right is None else self.disparity_right.nbytes
+        return self.left.nbytes + self.right.nbytes + self.disparity.nbytes + right
+
+
+class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
+    """An endless list of training crops; item i is a function of the seed and i alone.
+
+    Each epoch visits every pair once, in an order of its own. Because nothing is remembered between items, a run that
+    is resumed, or spread over processes, sees the same crops as one that was never stopped. Items are (left, right,
+    disparity): uint8 [3, h, w] twice and float32 [1, h, w] in px, NaN where there is no truth.
+    """
+
+    def __init__(
+        self,
+        reader: DatasetReader,
+        indices: Sequence[int],
+        crop: tuple[int, int],
+        *,
+        seed: int,
+        augment: bool = True,
+        cache_gib: float = 8.0,
+    ) -> None:
+        """Read the given samples of ``reader``; decoded pairs stay in memory up to ``cache_gib``."""
+        if not indices:
+            raise InvalidArgument("data", "must hold at least one training pair", "none")
+        self.reader = reader
+        self.indices = list(indices)
+        self.crop = crop
+        self.seed = seed
+        self.augment = augment
+        self._cache: dict[int, _Stored] = {}
+        self._room = int(cache_gib * 2**30)
+
+    def __getitem__(self, item: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Draw crop ``item`` >= 0."""
+        epoch, position = divmod(item, len(self.indices))
+        order = np.random.default_rng([self.seed, 0, epoch]).permutation(len(self.indices))
+        stored = self._load(self.indices[int(order[position])])
+        rng = np.random.default_rng([self.seed, 1, item])
+        pair = Pair(stored.left, stored.right, _truth(stored.disparity))
+        self._check_size(pair)
+        if self.augment:
+            mirrored = None
+            if stored.disparity_right is not None:
+                mirrored = mirror(stored.left, stored.right, _truth(stored.disparity_right))
+            pair = random_pair(pair, mirrored, self.crop, rng)
+        else:
+            pair = plain_pair(pair, self.crop, rng)
+        return planar(pair.left), planar(pair.right), torch.from_numpy(np.ascontiguousarray(pair.disparity))[None]
+
+    def batches(
+        self, batch: int, *, first: int, last: int, rank: int, world: int, workers: int
+    ) -> Iterator[list[Tensor]]:
+        """Yield the batches of steps ``first`` to ``last`` - 1 for one of ``world`` processes."""
+        items = [(step * world + rank) * batch + slot for step in range(first, last) for slot in range(batch)]
+        loader: DataLoader[tuple[Tensor, Tensor, Tensor]] = DataLoader(
+            self, batch_size=batch, sampler=items, num_workers=workers, persistent_workers=False
+        )
+        yield from loader
+
+    def _load(self, index: int) -> _Stored:
+        if index in self._cache:
+            return self._cache[index]
+        sample = self.reader[index]
+        right = sample.disparity_right
+        stored = _Stored(
+            sample.left, sample.right, _packed(sample.disparity), None if right is None else _packed(right)
+        )
+        if stored.size <= self._room:
+            self._room -= stored.size
+            self._cache[index] = stored
+        return stored
+
+    def _check_size(self, pair: Pair) -> None:
+        height, width = pair.left.shape[:2]
+        if height < self.crop[0] or width < self.crop[1]:
+            raise InvalidArgument("crop", f"must fit into the frames of {height} x {width}", self.crop)
+
+
+def planar(view: NDArray[np.uint8]) -> Tensor:
+    """Turn [H, W, 3] into a tensor [3, H, W]."""
+    return torch.from_numpy(np.ascontiguousarray(view.transpose(2, 0, 1)))
+
+
+def has_truth(disparity: Tensor, max_disparity: int) -> Tensor:
+    """Mask of pixels that a network of this range can learn from: truth above 0 and below its maximum."""
+    return (disparity > 0) & (disparity < max_disparity)
+
+
+def _packed(disparity: NDArray[np.float32]) -> NDArray[np.uint16]:
+    scaled = np.nan_to_num(disparity, nan=0.0) * TRUTH_SCALE
+    return np.asarray(np.clip(np.rint(scaled), 0, 65535), dtype=np.uint16)
+
+
+def _truth(packed: NDArray[np.uint16]) -> NDArray[np.float32]:
+    return np.where(packed == 0, np.float32(np.nan), packed / np.float32(TRUTH_SCALE)).astype(np.float32)

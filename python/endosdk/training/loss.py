@@ -1,0 +1,70 @@
+"""Losses between a predicted and a true disparity map: pure functions of two maps and a mask.
+
+All take ``predicted`` and ``truth`` [N, 1, H, W] in pixels and a boolean ``mask`` of the same shape, true where there
+is truth (elsewhere the truth may hold anything, NaN too). The loss is computed per pair and averaged over the pairs
+that have at least one pixel of truth; a batch without any truth has loss 0 and gradient 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from endosdk.errors import InvalidArgument
+
+SMALLEST_DISPARITY = 0.1  # px; the logarithm is cut here, so its gradient stays below 10 per pixel
+
+
+def scale_invariant_loss(predicted: Tensor, truth: Tensor, mask: Tensor, balance: float = 0.5) -> Tensor:
+    """Return mean(d^2) - balance * mean(d)^2 of d = log predicted - log truth.
+
+    ``balance`` 0 is the plain square in log space, 1 ignores a common factor between the maps; the paper takes 0.5.
+    """
+    # Outside the mask both logarithms are of the same constant: no NaN can leak into a gradient.
+    logs = [torch.where(mask, m, 1.0).clamp_min(SMALLEST_DISPARITY).log() for m in (predicted, truth)]
+    difference = logs[0] - logs[1]
+    count = _count(mask)
+    square = difference.square().sum(dim=(1, 2, 3)) / count
+    mean = difference.sum(dim=(1, 2, 3)) / count
+    return _over_pairs(square - balance * mean.square(), mask)
+
+
+def l2_loss(predicted: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
+    """Return the mean squared error, px^2."""
+    square = _difference(predicted, truth, mask).square()
+    return _over_pairs(square.sum(dim=(1, 2, 3)) / _count(mask), mask)
+
+
+def smooth_l1_loss(predicted: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
+    """Return the mean of e^2 / 2 below one pixel of error and e - 1/2 above: robust where surfaces end."""
+    error = _difference(predicted, truth, mask)
+    cost = F.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
+    return _over_pairs(cost.sum(dim=(1, 2, 3)) / _count(mask), mask)
+
+
+def build_loss(name: str, balance: float = 0.5) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
+    """Return the named loss; ``balance`` counts for the scale-invariant one alone."""
+    losses: dict[str, Callable[[Tensor, Tensor, Tensor], Tensor]] = {
+        "scale-invariant": lambda predicted, truth, mask: scale_invariant_loss(predicted, truth, mask, balance),
+        "l2": l2_loss,
+        "smooth-l1": smooth_l1_loss,
+    }
+    if name not in losses:
+        raise InvalidArgument("loss", f"must be one of {', '.join(sorted(losses))}", name)
+    return losses[name]
+
+
+def _difference(predicted: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
+    return torch.where(mask, predicted, 0.0) - torch.where(mask, truth, 0.0)
+
+
+def _count(mask: Tensor) -> Tensor:
+    return mask.sum(dim=(1, 2, 3)).clamp_min(1)
+
+
+def _over_pairs(per_pair: Tensor, mask: Tensor) -> Tensor:
+    with_truth = mask.any(dim=3).any(dim=2).any(dim=1)
+    return (per_pair * with_truth).sum() / with_truth.sum().clamp_min(1)
