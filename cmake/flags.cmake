@@ -1,0 +1,26 @@
+# Flags for all of our own code, as one interface target.
+add_library(endosdk_flags INTERFACE)
+target_compile_options(
+  endosdk_flags
+  INTERFACE -Wall
+            -Wextra
+            -Wpedantic
+            -Wshadow
+            -Wconversion
+            -Wdouble-promotion
+            -Wold-style-cast
+            -Werror
+            # Fusing a product with a sum would round differently from one instruction set to the next.
+            -ffp-contract=off
+            # Binaries must not tell where they were built, and must come out the same in any folder.
+            -ffile-prefix-map=${CMAKE_SOURCE_DIR}=endosdk
+            -ffile-prefix-map=${CMAKE_BINARY_DIR}=build
+            -fstack-protector-strong
+            $<$<CONFIG:Release>:-D_FORTIFY_SOURCE=2>)
+target_link_options(endosdk_flags INTERFACE LINKER:-z,relro,-z,now,-z,noexecstack)
+
+if(ENDOSDK_SANITIZE)
+  target_compile_options(endosdk_flags INTERFACE -fsanitize=${ENDOSDK_SANITIZE} -fno-sanitize-recover=all
+                                                 -fno-omit-frame-pointer)
+  target_link_options(endosdk_flags INTERFACE -fsanitize=${ENDOSDK_SANITIZE})
+endif()

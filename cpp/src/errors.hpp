@@ -1,0 +1,22 @@
+// Argument checks of the core: every failure names the argument, the rule it broke and the value that was seen.
+#pragma once
+
+#include <sstream>
+#include <stdexcept>
+#include <string_view>
+
+namespace endosdk {
+
+template <typename Value>
+[[noreturn]] void reject(std::string_view argument, std::string_view rule, const Value& value) {
+  std::ostringstream message;
+  message << argument << ": " << rule << "; got " << value;
+  throw std::invalid_argument(message.str());
+}
+
+template <typename Value>
+void require(bool holds, std::string_view argument, std::string_view rule, const Value& value) {
+  if (!holds) reject(argument, rule, value);
+}
+
+}  // namespace endosdk

@@ -1,0 +1,146 @@
+// Byte kernels for AVX2.
+#include <immintrin.h>
+
+#include "kernels.hpp"
+#include "sets.hpp"
+
+namespace endosdk::avx2 {
+namespace {
+
+constexpr int lanes = 8;
+
+// Byte offsets of the upper left neighbours of 8 pixels.
+inline __m256i offsets(const uint32_t* corner, __m256i stride, int channels) {
+  const __m256i c = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(corner));
+  const __m256i x = _mm256_and_si256(c, _mm256_set1_epi32(0xffff));
+  const __m256i y = _mm256_srli_epi32(c, 16);
+  return _mm256_add_epi32(_mm256_mullo_epi32(y, stride), _mm256_mullo_epi32(x, _mm256_set1_epi32(channels)));
+}
+
+inline __m256i gather4(const uint8_t* base, __m128i offset) {
+  return _mm256_i32gather_epi64(reinterpret_cast<const long long*>(base), offset, 1);
+}
+
+// Turns the fractions fx of all bytes into pairs (128 - fx, fx): even bytes become (fx ^ 255) + 129.
+inline __m256i pair_weights(__m256i fx) {
+  const __m256i even = _mm256_set1_epi16(0x00ff);
+  return _mm256_add_epi8(_mm256_xor_si256(fx, even), _mm256_set1_epi16(0x0081));
+}
+
+// Interpolates between two rows that are in 1/128 grey levels, and rounds to grey levels about zero.
+inline __m256i between_rows(__m256i upper, __m256i lower, __m256i fy_high) {
+  const __m256i value = _mm256_add_epi16(upper, _mm256_mulhrs_epi16(_mm256_sub_epi16(lower, upper), fy_high));
+  return _mm256_srai_epi16(_mm256_add_epi16(value, _mm256_set1_epi16(64)), 7);
+}
+
+// 4 pixels, each as 4 words (three channels and one unused), from 8 bytes of each row.
+inline __m256i blend4(__m256i upper, __m256i lower, const uint16_t* fraction) {
+  const __m256i pairs = _mm256_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1,  //
+                                         0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1);
+  const __m256i all_x = _mm256_setr_epi8(0, 0, 0, 0, 0, 0, 0, 0, 8, 8, 8, 8, 8, 8, 8, 8,  //
+                                         0, 0, 0, 0, 0, 0, 0, 0, 8, 8, 8, 8, 8, 8, 8, 8);
+  const __m256i high_y = _mm256_setr_epi8(-1, 1, -1, 1, -1, 1, -1, 1, -1, 9, -1, 9, -1, 9, -1, 9,  //
+                                          -1, 1, -1, 1, -1, 1, -1, 1, -1, 9, -1, 9, -1, 9, -1, 9);
+  const __m256i zero_level = _mm256_set1_epi8(-128);
+  const __m256i f = _mm256_cvtepu16_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(fraction)));
+  const __m256i weights = pair_weights(_mm256_shuffle_epi8(f, all_x));
+  const __m256i u = _mm256_xor_si256(_mm256_shuffle_epi8(upper, pairs), zero_level);
+  const __m256i l = _mm256_xor_si256(_mm256_shuffle_epi8(lower, pairs), zero_level);
+  return between_rows(_mm256_maddubs_epi16(weights, u), _mm256_maddubs_epi16(weights, l),
+                      _mm256_shuffle_epi8(f, high_y));
+}
+
+inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_lanes, const uint32_t* corner,
+                        const uint16_t* fraction, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
+  const __m256i offset = offsets(corner, stride_lanes, 3);
+  const __m128i low = _mm256_castsi256_si128(offset);
+  const __m128i high = _mm256_extracti128_si256(offset, 1);
+  const __m256i first = blend4(gather4(source, low), gather4(source + stride, low), fraction);
+  const __m256i second = blend4(gather4(source, high), gather4(source + stride, high), fraction + 4);
+  // Packing works within halves: put the pixels back in order, group the channels, then bring each channel together.
+  const __m256i packed = _mm256_xor_si256(_mm256_packs_epi16(first, second), _mm256_set1_epi8(-128));
+  const __m256i ordered = _mm256_permutevar8x32_epi32(packed, _mm256_setr_epi32(0, 1, 4, 5, 2, 3, 6, 7));
+  const __m256i by_channel = _mm256_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15,  //
+                                              0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+  const __m256i grouped = _mm256_shuffle_epi8(ordered, by_channel);
+  const __m256i planes = _mm256_permutevar8x32_epi32(grouped, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
+  const __m128i front = _mm256_castsi256_si128(planes);
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(c0), front);
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(c1), _mm_srli_si128(front, 8));
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(c2), _mm256_extracti128_si256(planes, 1));
+}
+
+inline void remap_gray_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_lanes, const uint32_t* corner,
+                         const uint16_t* fraction, uint8_t* out) {
+  const __m256i offset = offsets(corner, stride_lanes, 1);
+  const __m256i upper = _mm256_i32gather_epi32(reinterpret_cast<const int*>(source), offset, 1);
+  const __m256i lower = _mm256_i32gather_epi32(reinterpret_cast<const int*>(source + stride), offset, 1);
+  // One 32-bit lane per pixel: two upper neighbours, then two lower ones.
+  const __m256i four = _mm256_blend_epi16(upper, _mm256_slli_epi32(lower, 16), 0xaa);
+  const __m256i f =
+      _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(fraction)));
+  const __m256i all_x = _mm256_setr_epi8(0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12,  //
+                                         0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12);
+  const __m256i rows = _mm256_maddubs_epi16(pair_weights(_mm256_shuffle_epi8(f, all_x)),
+                                            _mm256_xor_si256(four, _mm256_set1_epi8(-128)));
+  const __m256i fy_high = _mm256_and_si256(f, _mm256_set1_epi32(0xff00));
+  const __m256i value = between_rows(rows, _mm256_srli_epi32(rows, 16), fy_high);
+  // Only the low word of each lane holds a pixel.
+  const __m256i signed_value = _mm256_srai_epi32(_mm256_slli_epi32(value, 16), 16);
+  const __m256i words = _mm256_packs_epi32(signed_value, signed_value);
+  const __m256i bytes = _mm256_xor_si256(_mm256_packs_epi16(words, words), _mm256_set1_epi8(-128));
+  const __m256i joined = _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 0, 4, 0, 4, 0, 4));
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(out), _mm256_castsi256_si128(joined));
+}
+
+}  // namespace
+
+void remap_rgb(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
+  if (span.count < lanes) return plain::remap_rgb(source, stride, span, c0, c1, c2);
+  const __m256i stride_lanes = _mm256_set1_epi32(static_cast<int>(stride));
+  for (int i = 0; i < span.count; i += lanes) {
+    const int at = i + lanes <= span.count ? i : span.count - lanes;  // the last group may overlap the one before
+    remap_rgb_8(source, stride, stride_lanes, span.corner + at, span.fraction + at, c0 + at, c1 + at, c2 + at);
+  }
+}
+
+void remap_gray(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out) {
+  if (span.count < lanes) return plain::remap_gray(source, stride, span, out);
+  const __m256i stride_lanes = _mm256_set1_epi32(static_cast<int>(stride));
+  for (int i = 0; i < span.count; i += lanes) {
+    const int at = i + lanes <= span.count ? i : span.count - lanes;
+    remap_gray_8(source, stride, stride_lanes, span.corner + at, span.fraction + at, out + at);
+  }
+}
+
+void split_rgb(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
+  constexpr int group = 16;
+  if (count < group) return plain::split_rgb(source, count, c0, c1, c2);
+  // In three blocks of 16 bytes, channel 0 lies at 0, 3, .. 15; 2, 5, .. 14; 1, 4, .. 13, and the others one and two on.
+  const __m128i first0 = _mm_setr_epi8(0, 3, 6, 9, 12, 15, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1);
+  const __m128i first1 = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, 2, 5, 8, 11, 14, -1, -1, -1, -1, -1);
+  const __m128i first2 = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 1, 4, 7, 10, 13);
+  const __m128i second0 = _mm_setr_epi8(1, 4, 7, 10, 13, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1);
+  const __m128i second1 = _mm_setr_epi8(-1, -1, -1, -1, -1, 0, 3, 6, 9, 12, 15, -1, -1, -1, -1, -1);
+  const __m128i second2 = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 2, 5, 8, 11, 14);
+  const __m128i third0 = _mm_setr_epi8(2, 5, 8, 11, 14, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1);
+  const __m128i third1 = _mm_setr_epi8(-1, -1, -1, -1, -1, 1, 4, 7, 10, 13, -1, -1, -1, -1, -1, -1);
+  const __m128i third2 = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 0, 3, 6, 9, 12, 15);
+  const auto join = [](__m128i a, __m128i b, __m128i c) { return _mm_or_si128(_mm_or_si128(a, b), c); };
+  for (int i = 0; i < count; i += group) {
+    const int at = i + group <= count ? i : count - group;
+    const __m128i* block = reinterpret_cast<const __m128i*>(source + 3 * at);
+    const __m128i a = _mm_loadu_si128(block);
+    const __m128i b = _mm_loadu_si128(block + 1);
+    const __m128i c = _mm_loadu_si128(block + 2);
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(c0 + at), join(_mm_shuffle_epi8(a, first0), _mm_shuffle_epi8(b, first1),
+                                                               _mm_shuffle_epi8(c, first2)));
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(c1 + at), join(_mm_shuffle_epi8(a, second0),
+                                                               _mm_shuffle_epi8(b, second1),
+                                                               _mm_shuffle_epi8(c, second2)));
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(c2 + at), join(_mm_shuffle_epi8(a, third0), _mm_shuffle_epi8(b, third1),
+                                                               _mm_shuffle_epi8(c, third2)));
+  }
+}
+
+}  // namespace endosdk::avx2

@@ -1,0 +1,74 @@
+// The inner loops, one image row or less at a time, in several instruction sets that give the same bytes.
+//
+// The implementations are compiled with the flags of their instruction set. So that the linker can never pick such code
+// for the rest of the program, those files define no inline or template functions with external linkage and include
+// nothing that does: only this header, <cstdint>, <cstddef>, <string.h> and the intrinsics.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace endosdk {
+
+// Source positions of consecutive output pixels. All four neighbours of each must lie inside the image.
+struct RemapSpan {
+  const uint32_t* corner;    // upper left neighbour: x in the low half, y in the high half
+  const uint16_t* fraction;  // distance from it in 1/128 px: x in the low byte, y in the high byte
+  int count;
+};
+
+// A left neighbour must have this many pixels from itself to the end of its row.
+constexpr int remap_reach = 4;
+
+// One row of the full-size maps, and what is to be made of it. Null where not wanted.
+struct DepthRow {
+  const float* disparity;
+  const float* confidence;
+  const uint8_t* colour[3];  // planar left view
+  const uint8_t* valid_left;
+  const uint8_t* valid_right;
+  uint8_t* reasons;
+  float* depth;
+  float* sigma;
+  int width;
+};
+
+struct DepthLimits {
+  float min_confidence;
+  bool metric;           // the rest holds only if true
+  float focal_baseline;  // px * mm
+  float doffs;           // px
+  float min_depth;       // mm
+  float max_depth;       // mm
+  float sigma_factor;    // sigma = sigma_factor * depth^2 / -log(1 - confidence)
+};
+
+struct Kernels {
+  const char* name;
+
+  // Bilinear samples of an interleaved image, to one plane per channel. Three-channel kernels read 8 bytes from a left
+  // neighbour on, gray ones 4; whoever makes the spans sees to it that these lie inside the row (`remap_reach`).
+  void (*remap_rgb)(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1, uint8_t* c2);
+  void (*remap_gray)(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out);
+
+  // Interleaved to planar.
+  void (*split_rgb)(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8_t* c2);
+
+  // value[i] = gain * (upper[i] + weight * (lower[i] - upper[i])) and step[i] = value[i + 1] - value[i], zero at the end.
+  void (*blend_rows)(const float* upper, const float* lower, float weight, float gain, int count, float* value,
+                     float* step);
+  // out[x] = value[index[x]] + weight[x] * step[index[x]]
+  void (*stretch_row)(const float* value, const float* step, const int32_t* index, const float* weight, int count,
+                      float* out);
+
+  // Returns the number of pixels without a reason.
+  int (*depth_row)(const DepthRow& row, const DepthLimits& limits);
+};
+
+// The set in use: the best this processor has, unless another was chosen.
+const Kernels& kernels();
+
+// Chooses a set by name; refuses one that this processor cannot run.
+void choose_kernels(const char* name);
+
+}  // namespace endosdk

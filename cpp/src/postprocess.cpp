@@ -1,0 +1,98 @@
+#include "postprocess.hpp"
+
+#include <atomic>
+#include <cmath>
+#include <string>
+
+#include "errors.hpp"
+#include "kernels/kernels.hpp"
+#include "threads.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr int rows_per_block = 16;
+
+void check_geometry(const DepthGeometry& g, bool wanted) {
+  require(std::isfinite(g.focal_px) && g.focal_px >= 0.0, "focal_px", "must be finite and not negative", g.focal_px);
+  if (g.focal_px == 0.0) {
+    require(!wanted, "focal_px", "must be positive for depth or sigma", g.focal_px);
+    return;
+  }
+  require(std::isfinite(g.baseline_mm) && g.baseline_mm > 0.0, "baseline_mm", "must be positive and finite",
+          g.baseline_mm);
+  require(std::isfinite(g.doffs), "doffs", "must be finite", g.doffs);
+  require(std::isfinite(g.min_depth_mm) && g.min_depth_mm >= 0.0, "min_depth_mm", "must be finite and not negative",
+          g.min_depth_mm);
+  require(g.max_depth_mm > g.min_depth_mm, "max_depth_mm", "must be greater than min_depth_mm", g.max_depth_mm);
+}
+
+void check(const PostprocessInput& in, const PostprocessOutput& out) {
+  check_grid(in.disparity, "disparity");
+  check_grid(in.confidence, "confidence");
+  require(in.disparity.width == in.confidence.width && in.disparity.height == in.confidence.height, "confidence",
+          "must have the size of disparity",
+          std::to_string(in.confidence.width) + "x" + std::to_string(in.confidence.height));
+  check_scale(in.scale, in.gain);
+  check_grid({out.disparity.data, out.disparity.width, out.disparity.height}, "out_disparity");
+  require(std::isfinite(in.min_confidence), "min_confidence", "must be finite", in.min_confidence);
+  if (in.left.data != nullptr) check_planar(in.left, out.disparity.width, out.disparity.height, "image");
+  check_geometry(in.geometry, out.depth != nullptr || out.sigma != nullptr);
+}
+
+DepthLimits limits_of(const PostprocessInput& in) {
+  const DepthGeometry& g = in.geometry;
+  DepthLimits limits{};
+  limits.min_confidence = in.min_confidence;
+  limits.metric = g.focal_px > 0.0;
+  if (limits.metric) {
+    limits.focal_baseline = static_cast<float>(g.focal_px * g.baseline_mm);
+    limits.doffs = static_cast<float>(g.doffs);
+    limits.min_depth = static_cast<float>(g.min_depth_mm);
+    limits.max_depth = static_cast<float>(g.max_depth_mm);
+    // A Laplace law of scale b has standard deviation sqrt(2) b; b = gain / -log(1 - confidence) in frame pixels.
+    limits.sigma_factor = static_cast<float>(std::sqrt(2.0) * static_cast<double>(in.gain) / (g.focal_px * g.baseline_mm));
+  }
+  return limits;
+}
+
+DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y) {
+  const int64_t offset = static_cast<int64_t>(y) * out.disparity.width;
+  DepthRow row{};
+  row.disparity = out.disparity.row(y);
+  row.confidence = out.confidence.row(y);
+  row.reasons = out.reasons + offset;
+  row.width = out.disparity.width;
+  if (in.left.data != nullptr) {
+    for (int plane = 0; plane < 3; ++plane) row.colour[plane] = in.left.row(plane, y);
+  }
+  if (in.valid_left != nullptr) row.valid_left = in.valid_left + offset;
+  if (in.valid_right != nullptr) row.valid_right = in.valid_right + offset;
+  if (out.depth != nullptr) row.depth = out.depth + offset;
+  if (out.sigma != nullptr) row.sigma = out.sigma + offset;
+  return row;
+}
+
+}  // namespace
+
+int postprocess(const PostprocessInput& input, const PostprocessOutput& output) {
+  check(input, output);
+  thread_local RowResizer resizer;
+  RowResizer& shared = resizer;  // the caller's, also inside the workers
+  shared.prepare(input.disparity.width, input.disparity.height, output.disparity.width, input.scale);
+  const DepthLimits limits = limits_of(input);
+  std::atomic<int> usable{0};
+  const auto process_rows = [&](int begin, int end, int worker) {
+    int count = 0;
+    for (int y = begin; y < end; ++y) {
+      shared.row(input.disparity, y, input.gain, worker, output.disparity.row(y));
+      shared.row(input.confidence, y, 1.0f, worker, output.confidence.row(y));
+      count += kernels().depth_row(row_of(input, output, y), limits);
+    }
+    usable += count;
+  };
+  parallel_for(output.disparity.height, rows_per_block, process_rows, shared.workers());
+  return usable;
+}
+
+}  // namespace endosdk

@@ -1,0 +1,46 @@
+// From the network's small maps to full-size disparity, confidence, reasons, depth and expected error, in one pass.
+#pragma once
+
+#include <cstdint>
+
+#include "image.hpp"
+#include "resize.hpp"
+
+namespace endosdk {
+
+// Rectified geometry and the range in which it was calibrated. Without it (focal_px 0) there is no depth.
+struct DepthGeometry {
+  double focal_px = 0.0;
+  double baseline_mm = 0.0;
+  double doffs = 0.0;
+  double min_depth_mm = 0.0;
+  double max_depth_mm = 0.0;  // may be infinite
+};
+
+struct PostprocessInput {
+  FloatView disparity;   // network pixels
+  FloatView confidence;  // probability that the network's error is at most one of its pixels
+  Scale scale;
+  float gain = 1.0f;  // network pixels to frame pixels
+  float min_confidence = 0.0f;
+  PlanarView left;                       // for saturation; no data: not tested
+  const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
+  const uint8_t* valid_right = nullptr;
+  DepthGeometry geometry;
+};
+
+// Caller-owned maps of one size. Depth and sigma may be null; both need a geometry.
+struct PostprocessOutput {
+  MutableFloatView disparity;
+  MutableFloatView confidence;
+  uint8_t* reasons = nullptr;
+  float* depth = nullptr;
+  float* sigma = nullptr;
+};
+
+// Returns the number of pixels with no reason against them. Depth (mm) is focal * baseline / (disparity + doffs); sigma
+// (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to
+// one network pixel is the confidence. Both are NaN where a pixel has a reason.
+int postprocess(const PostprocessInput& input, const PostprocessOutput& output);
+
+}  // namespace endosdk

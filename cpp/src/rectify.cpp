@@ -1,0 +1,152 @@
+#include "rectify.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include "errors.hpp"
+#include "kernels/kernels.hpp"
+#include "kernels/sample.hpp"
+#include "threads.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr int rows_per_block = 16;
+constexpr int steps_per_pixel = 128;  // of a stored position
+constexpr int max_side = 32767;       // coordinates are stored in 16 bits
+
+std::string size_text(Size size) { return std::to_string(size.width) + "x" + std::to_string(size.height); }
+
+void check_size(Size size, const char* name) {
+  require(size.width >= 1 && size.height >= 1 && size.width <= max_side && size.height <= max_side, name,
+          "must be 1x1 to " + size_text({max_side, max_side}), size_text(size));
+}
+
+ViewMap build(const ViewGeometry& view, Size raw, Size rectified, const char* name) {
+  check_size(raw, "size");
+  check_size(rectified, "out size");
+  check_view(view, name);
+  return {view, raw, rectified};
+}
+
+int pixel_or_black(const ImageView& image, int x, int y, int channel) {
+  if (x < 0 || y < 0 || x >= image.width || y >= image.height) return 0;
+  return image.row(y)[static_cast<ptrdiff_t>(x) * image.channels + channel];
+}
+
+}  // namespace
+
+ViewMap::ViewMap(const ViewGeometry& view, Size raw, Size rectified) : size_(rectified) {
+  const size_t pixels = static_cast<size_t>(rectified.width) * static_cast<size_t>(rectified.height);
+  corner_.resize(pixels);
+  fraction_.resize(pixels);
+  valid_.resize(pixels);
+  const SourceMap map(view);
+  std::vector<std::vector<Span>> rows(static_cast<size_t>(rectified.height));
+  for (int y = 0; y < rectified.height; ++y) build_row(map, raw, y, rows[static_cast<size_t>(y)]);
+  row_spans_.push_back(0);
+  for (const std::vector<Span>& row : rows) {
+    spans_.insert(spans_.end(), row.begin(), row.end());
+    row_spans_.push_back(spans_.size());
+  }
+}
+
+// Stores one source position and tells which way of reading it needs.
+ViewMap::Kind ViewMap::place(Point source, Size raw, size_t index) {
+  const bool near = source.x > -1.0 && source.y > -1.0 && source.x < raw.width && source.y < raw.height;
+  if (!near) return Kind::outside;  // also NaN
+  const int x = static_cast<int>(std::lround(source.x * steps_per_pixel));
+  const int y = static_cast<int>(std::lround(source.y * steps_per_pixel));
+  const int x0 = x >> 7;
+  const int y0 = y >> 7;
+  corner_[index] = static_cast<uint32_t>(x0 & 0xffff) | static_cast<uint32_t>(y0 & 0xffff) << 16;
+  fraction_[index] = static_cast<uint16_t>((x & 0x7f) | (y & 0x7f) << 8);
+  const bool inside = x0 >= 0 && y0 >= 0 && x0 + remap_reach <= raw.width && y0 + 1 < raw.height;
+  return inside ? Kind::inside : Kind::edge;
+}
+
+void ViewMap::build_row(const SourceMap& map, Size raw, int y, std::vector<Span>& spans) {
+  for (int x = 0; x < size_.width; ++x) {
+    const size_t index = static_cast<size_t>(y) * static_cast<size_t>(size_.width) + static_cast<size_t>(x);
+    const SourceMap::Source source = map.at(x, y);
+    const Point p = source.pixel;
+    valid_[index] = source.unfolded && p.x >= 0.0 && p.y >= 0.0 && p.x <= raw.width - 1.0 && p.y <= raw.height - 1.0;
+    const Kind kind = place(p, raw, index);
+    if (spans.empty() || spans.back().kind != kind) spans.push_back({x, x, kind});
+    spans.back().end = x + 1;
+  }
+}
+
+void ViewMap::remap_edge(const ImageView& source, size_t row, Span span, uint8_t* const planes[3]) const {
+  for (int x = span.begin; x < span.end; ++x) {
+    const size_t index = row + static_cast<size_t>(x);
+    const int x0 = static_cast<int16_t>(corner_[index] & 0xffff);
+    const int y0 = static_cast<int16_t>(corner_[index] >> 16);
+    for (int channel = 0; channel < source.channels; ++channel) {
+      planes[channel][x] = sample(pixel_or_black(source, x0, y0, channel), pixel_or_black(source, x0 + 1, y0, channel),
+                                  pixel_or_black(source, x0, y0 + 1, channel),
+                                  pixel_or_black(source, x0 + 1, y0 + 1, channel), fraction_[index] & 0xff,
+                                  fraction_[index] >> 8);
+    }
+  }
+}
+
+void ViewMap::rectify_row(const ImageView& source, ChannelOrder order, int y, const PlanarView& out) const {
+  const PlaneRows rows(out, order, y);
+  const size_t row = static_cast<size_t>(y) * static_cast<size_t>(size_.width);
+  const bool gray = order == ChannelOrder::gray;
+  for (size_t i = row_spans_[static_cast<size_t>(y)]; i < row_spans_[static_cast<size_t>(y) + 1]; ++i) {
+    const Span span = spans_[i];
+    const int count = span.end - span.begin;
+    const size_t first = row + static_cast<size_t>(span.begin);
+    const RemapSpan positions = {corner_.data() + first, fraction_.data() + first, count};
+    uint8_t* const planes[3] = {rows.channel[0] + span.begin, rows.channel[1] + span.begin,
+                                rows.channel[2] + span.begin};
+    if (span.kind == Kind::outside) {
+      for (uint8_t* plane : planes) std::memset(plane, 0, static_cast<size_t>(count));
+    } else if (span.kind == Kind::edge) {
+      remap_edge(source, row, span, rows.channel);
+    } else if (gray) {
+      kernels().remap_gray(source.data, source.stride, positions, planes[0]);
+    } else {
+      kernels().remap_rgb(source.data, source.stride, positions, planes[0], planes[1], planes[2]);
+    }
+  }
+  if (gray) {
+    std::memcpy(rows.channel[1], rows.channel[0], static_cast<size_t>(size_.width));
+    std::memcpy(rows.channel[2], rows.channel[0], static_cast<size_t>(size_.width));
+  }
+  pad_right(out, size_.width, y);
+}
+
+Rectifier::Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right)
+    : raw_(raw),
+      rectified_(rectified),
+      left_(build(left, raw, rectified, "left")),
+      right_(build(right, raw, rectified, "right")) {}
+
+void Rectifier::rectify(const ImageView& left, const ImageView& right, const PlanarView& out_left,
+                        const PlanarView& out_right, ChannelOrder order) const {
+  const auto check = [&](const ImageView& image, const char* name) {
+    check_source(image, order, name);
+    require(image.width == raw_.width && image.height == raw_.height, name, "must be " + size_text(raw_),
+            size_text({image.width, image.height}));
+  };
+  check(left, "left");
+  check(right, "right");
+  check_planar(out_left, rectified_.width, rectified_.height, "out_left");
+  check_planar(out_right, rectified_.width, rectified_.height, "out_right");
+  const int height = rectified_.height;
+  parallel_for(2 * height, rows_per_block, [&](int begin, int end, int) {
+    for (int i = begin; i < end; ++i) {
+      const bool second = i >= height;
+      const int y = second ? i - height : i;
+      const PlanarView& out = second ? out_right : out_left;
+      (second ? right_ : left_).rectify_row(second ? right : left, order, y, out);
+      if (y == height - 1) pad_bottom(out, height);
+    }
+  });
+}
+
+}  // namespace endosdk

@@ -1,0 +1,73 @@
+// Rectification: raw interleaved frames to padded planar RGB, both views in one call.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "calibration.hpp"
+#include "image.hpp"
+
+namespace endosdk {
+
+struct Size {
+  int width = 0;
+  int height = 0;
+};
+
+// The map of one view, kept in the form that the kernels read. Positions are rounded to 1/128 px; what lies outside the
+// raw image counts as black, as in cv2.remap with a constant border.
+class ViewMap {
+ public:
+  ViewMap(const ViewGeometry& view, Size raw, Size rectified);
+
+  void rectify_row(const ImageView& source, ChannelOrder order, int y, const PlanarView& out) const;
+
+  // 1 where the source position lies inside the raw image and the lens model is one-to-one.
+  const std::vector<uint8_t>& valid() const { return valid_; }
+
+ private:
+  enum class Kind : uint8_t {
+    inside,   // all neighbours exist: vector kernels
+    edge,     // some neighbours are missing, or lie too near the end of a row for the kernels
+    outside,  // black
+  };
+  struct Span {
+    int begin;
+    int end;
+    Kind kind;
+  };
+
+  Kind place(Point source, Size raw, size_t index);
+  void build_row(const SourceMap& map, Size raw, int y, std::vector<Span>& spans);
+  void remap_edge(const ImageView& source, size_t row, Span span, uint8_t* const planes[3]) const;
+
+  Size size_;
+  std::vector<uint32_t> corner_;
+  std::vector<uint16_t> fraction_;
+  std::vector<uint8_t> valid_;
+  std::vector<Span> spans_;
+  std::vector<size_t> row_spans_;  // spans of row y: row_spans_[y] to row_spans_[y + 1]
+};
+
+// Immutable after construction, so one object may serve several threads.
+class Rectifier {
+ public:
+  Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right);
+
+  // Writes the rectified picture into the top left of each output and repeats its last column and row over the rest.
+  void rectify(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
+               ChannelOrder order) const;
+
+  Size raw_size() const { return raw_; }
+  Size rectified_size() const { return rectified_; }
+  const std::vector<uint8_t>& valid_left() const { return left_.valid(); }
+  const std::vector<uint8_t>& valid_right() const { return right_.valid(); }
+
+ private:
+  Size raw_;
+  Size rectified_;
+  ViewMap left_;
+  ViewMap right_;
+};
+
+}  // namespace endosdk
