@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from endosdk.calibration import StereoCalibration
 from endosdk.calibration_files import foundationstereo, kalibr, native, opencv, ros, text_folder
@@ -75,7 +76,7 @@ def _recognise_json(path: Path, text: str) -> str:
 
 
 def _existing_paths(path: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    parts = list(path) if isinstance(path, list | tuple) else [path]
+    parts: list[Any] = list(path) if isinstance(path, list | tuple) else [path]
     if not 1 <= len(parts) <= 2 or not all(isinstance(part, str | Path) for part in parts):
         raise InvalidArgument("path", "must be a file, a folder or a pair of files", repr(path))
     paths = tuple(Path(part) for part in parts)
