@@ -48,15 +48,16 @@ def evaluate(method: Method, reader: DatasetReader, limit: int | None = None) ->
     for index in range(count):
         sample = reader[index]
         answer = method(sample)
-        options = {
-            "occlusion": sample.occlusion,
-            "focal_px": sample.focal_px,
-            "baseline_mm": sample.baseline_mm,
-            "doffs": sample.doffs,
-            "sigma": answer.sigma,
-            "confidence": answer.confidence,
-        }
-        board.add(answer.disparity, sample.disparity, **options)
+        board.add(
+            answer.disparity,
+            sample.disparity,
+            occlusion=sample.occlusion,
+            focal_px=sample.focal_px,
+            baseline_mm=sample.baseline_mm,
+            doffs=sample.doffs,
+            sigma=answer.sigma,
+            confidence=answer.confidence,
+        )
         errors.append((evaluate_pair(answer.disparity, sample.disparity)["all"]["epe_px"] or float("inf"), sample.id))
         times.append(answer.milliseconds)
         _progress(index + 1, count, time.perf_counter() - started)

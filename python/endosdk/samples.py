@@ -33,9 +33,14 @@ class RawPair:
         old_height, old_width = self.left.shape[:2]
         if (old_width, old_height) == (width, height):
             return self
-        views = [cv2.resize(view, (width, height), interpolation=cv2.INTER_AREA) for view in (self.left, self.right)]
+
+        def resize(view: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+            return np.asarray(cv2.resize(view, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
         truth = cv2.resize(self.disparity, (width, height), interpolation=cv2.INTER_NEAREST) * (width / old_width)
-        return RawPair(views[0], views[1], self.calibration.scaled(width, height), truth.astype(np.float32))
+        return RawPair(
+            resize(self.left), resize(self.right), self.calibration.scaled(width, height), truth.astype(np.float32)
+        )
 
 
 def sample_pairs() -> list[RawPair]:
