@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import os
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -82,6 +85,15 @@ def test_object_is_immutable_and_keeps_no_hold_on_its_input() -> None:
         rig.rotation[0, 0] = 2.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         rig.width = 1  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda rig: pickle.loads(pickle.dumps(rig))])
+def test_copies_are_equal_and_immutable_too(duplicate: Callable[[StereoCalibration], StereoCalibration]) -> None:
+    rig = fisheye_rig()
+    twin = duplicate(rig)
+    assert twin == rig and twin.sha256 == rig.sha256
+    with pytest.raises(ValueError, match="read-only"):
+        twin.translation[0] = 1.0
 
 
 def test_equality_and_hash_follow_the_content() -> None:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -158,7 +159,7 @@ class StereoCalibration:
             "translation": self.translation.tolist(),
         }
 
-    @property
+    @cached_property
     def sha256(self) -> str:
         """Hash of the content, independent of the file it came from, so that a result can be traced to its rig."""
         canonical = json.dumps(self.content(), sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -171,6 +172,10 @@ class StereoCalibration:
 
     def __hash__(self) -> int:
         return hash((self.width, self.height, self.model, self.left_matrix.tobytes(), self.translation.tobytes()))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Any, ...]]:
+        """Copy and pickle through the constructor, because arrays come back from a pickle writable."""
+        return type(self), tuple(getattr(self, part.name) for part in fields(self))
 
     def save(self, path: str | Path) -> None:
         """Write the calibration as endosdk JSON; reading it back gives an equal object. Raises `StorageFailed`."""
