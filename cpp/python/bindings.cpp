@@ -1,6 +1,7 @@
 // The Python module endosdk._core: converts and checks arrays, releases the GIL, calls the core. Nothing else.
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
 #include <algorithm>
 #include <limits>

@@ -19,7 +19,7 @@ std::string size_text(int width, int height) { return std::to_string(width) + "x
 void pack_row(const ImageView& image, const PlanarView& out, ChannelOrder order, int y) {
   const PlaneRows rows(out, order, y);
   if (order == ChannelOrder::gray) {
-    for (uint8_t* plane : rows.channel) std::memcpy(plane, image.row(y), static_cast<size_t>(image.width));
+    for (uint8_t* plane : rows.channel) std::memcpy(plane, image.row(y), image.width);
   } else {
     kernels().split_rgb(image.row(y), image.width, rows.channel[0], rows.channel[1], rows.channel[2]);
   }
@@ -57,14 +57,14 @@ void check_planar(const PlanarView& out, int min_width, int min_height, const ch
 void pad_right(const PlanarView& out, int width, int y) {
   for (int plane = 0; plane < 3; ++plane) {
     uint8_t* row = out.row(plane, y);
-    std::memset(row + width, row[width - 1], static_cast<size_t>(out.width - width));
+    std::memset(row + width, row[width - 1], (out.width - width));
   }
 }
 
 void pad_bottom(const PlanarView& out, int height) {
   for (int plane = 0; plane < 3; ++plane) {
     for (int y = height; y < out.height; ++y) {
-      std::memcpy(out.row(plane, y), out.row(plane, height - 1), static_cast<size_t>(out.width));
+      std::memcpy(out.row(plane, y), out.row(plane, height - 1), out.width);
     }
   }
 }

@@ -38,13 +38,13 @@ int pixel_or_black(const ImageView& image, int x, int y, int channel) {
 }  // namespace
 
 ViewMap::ViewMap(const ViewGeometry& view, Size raw, Size rectified) : size_(rectified) {
-  const size_t pixels = static_cast<size_t>(rectified.width) * static_cast<size_t>(rectified.height);
+  const size_t pixels = rectified.width * rectified.height;
   corner_.resize(pixels);
   fraction_.resize(pixels);
   valid_.resize(pixels);
   const SourceMap map(view);
-  std::vector<std::vector<Span>> rows(static_cast<size_t>(rectified.height));
-  for (int y = 0; y < rectified.height; ++y) build_row(map, raw, y, rows[static_cast<size_t>(y)]);
+  std::vector<std::vector<Span>> rows(rectified.height);
+  for (int y = 0; y < rectified.height; ++y) build_row(map, raw, y, rows[y]);
   row_spans_.push_back(0);
   for (const std::vector<Span>& row : rows) {
     spans_.insert(spans_.end(), row.begin(), row.end());
@@ -68,7 +68,7 @@ ViewMap::Kind ViewMap::place(Point source, Size raw, size_t index) {
 
 void ViewMap::build_row(const SourceMap& map, Size raw, int y, std::vector<Span>& spans) {
   for (int x = 0; x < size_.width; ++x) {
-    const size_t index = static_cast<size_t>(y) * static_cast<size_t>(size_.width) + static_cast<size_t>(x);
+    const size_t index = y * size_.width + x;
     const SourceMap::Source source = map.at(x, y);
     const Point p = source.pixel;
     valid_[index] = source.unfolded && p.x >= 0.0 && p.y >= 0.0 && p.x <= raw.width - 1.0 && p.y <= raw.height - 1.0;
@@ -80,7 +80,7 @@ void ViewMap::build_row(const SourceMap& map, Size raw, int y, std::vector<Span>
 
 void ViewMap::remap_edge(const ImageView& source, size_t row, Span span, uint8_t* const planes[3]) const {
   for (int x = span.begin; x < span.end; ++x) {
-    const size_t index = row + static_cast<size_t>(x);
+    const size_t index = row + x;
     const int x0 = static_cast<int16_t>(corner_[index] & 0xffff);
     const int y0 = static_cast<int16_t>(corner_[index] >> 16);
     for (int channel = 0; channel < source.channels; ++channel) {
@@ -94,17 +94,17 @@ void ViewMap::remap_edge(const ImageView& source, size_t row, Span span, uint8_t
 
 void ViewMap::rectify_row(const ImageView& source, ChannelOrder order, int y, const PlanarView& out) const {
   const PlaneRows rows(out, order, y);
-  const size_t row = static_cast<size_t>(y) * static_cast<size_t>(size_.width);
+  const size_t row = y * size_.width;
   const bool gray = order == ChannelOrder::gray;
-  for (size_t i = row_spans_[static_cast<size_t>(y)]; i < row_spans_[static_cast<size_t>(y) + 1]; ++i) {
+  for (size_t i = row_spans_[y]; i < row_spans_[y + 1]; ++i) {
     const Span span = spans_[i];
     const int count = span.end - span.begin;
-    const size_t first = row + static_cast<size_t>(span.begin);
+    const size_t first = row + span.begin;
     const RemapSpan positions = {corner_.data() + first, fraction_.data() + first, count};
     uint8_t* const planes[3] = {rows.channel[0] + span.begin, rows.channel[1] + span.begin,
                                 rows.channel[2] + span.begin};
     if (span.kind == Kind::outside) {
-      for (uint8_t* plane : planes) std::memset(plane, 0, static_cast<size_t>(count));
+      for (uint8_t* plane : planes) std::memset(plane, 0, count);
     } else if (span.kind == Kind::edge) {
       remap_edge(source, row, span, rows.channel);
     } else if (gray) {
@@ -114,8 +114,8 @@ void ViewMap::rectify_row(const ImageView& source, ChannelOrder order, int y, co
     }
   }
   if (gray) {
-    std::memcpy(rows.channel[1], rows.channel[0], static_cast<size_t>(size_.width));
-    std::memcpy(rows.channel[2], rows.channel[0], static_cast<size_t>(size_.width));
+    std::memcpy(rows.channel[1], rows.channel[0], size_.width);
+    std::memcpy(rows.channel[2], rows.channel[0], size_.width);
   }
   pad_right(out, size_.width, y);
 }

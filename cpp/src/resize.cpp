@@ -13,14 +13,15 @@ namespace {
 
 constexpr int rows_per_block = 16;
 
-// The source index before an output position and the share of the next one; in single precision, as torch does it.
+// The source index before an output position and the share of the next one; in single precision with one rounding, as
+// torch does it.
 struct Position {
   int index;
   float weight;
 };
 
 Position position(int out, float scale, int size) {
-  const float source = std::max((static_cast<float>(out) + 0.5f) * scale - 0.5f, 0.0f);
+  const float source = std::max(std::fmaf(static_cast<float>(out) + 0.5f, scale, -0.5f), 0.0f);
   if (source >= static_cast<float>(size - 1)) return {size - 1, 0.0f};
   const int index = static_cast<int>(source);
   return {index, source - static_cast<float>(index)};
@@ -44,23 +45,24 @@ void RowResizer::prepare(int source_width, int source_height, int out_width, Sca
   source_height_ = source_height;
   out_width_ = out_width;
   scale_y_ = static_cast<float>(scale.y);
-  index_.resize(static_cast<size_t>(out_width));
-  weight_.resize(static_cast<size_t>(out_width));
+  index_.resize(out_width);
+  weight_.resize(out_width);
   for (int x = 0; x < out_width; ++x) {
     const Position p = position(x, static_cast<float>(scale.x), source_width);
-    index_[static_cast<size_t>(x)] = p.index;
-    weight_[static_cast<size_t>(x)] = p.weight;
+    index_[x] = p.index;
+    weight_[x] = p.weight;
   }
   workers_ = thread_count();
-  scratch_.resize(static_cast<size_t>(2 * source_width) * static_cast<size_t>(workers_));
+  stride_ = source_width + stretch_reach;
+  scratch_.resize(static_cast<size_t>(2 * stride_) * workers_);
 }
 
 void RowResizer::row(const FloatView& source, int y, float gain, int worker, float* out) {
   const Position p = position(y, scale_y_, source_height_);
   const float* upper = source.data + static_cast<int64_t>(p.index) * source_width_;
   const float* lower = p.index + 1 < source_height_ ? upper + source_width_ : upper;
-  float* value = scratch_.data() + static_cast<int64_t>(worker) * 2 * source_width_;
-  float* step = value + source_width_;
+  float* value = scratch_.data() + static_cast<int64_t>(worker) * 2 * stride_;
+  float* step = value + stride_;
   kernels().blend_rows(upper, lower, p.weight, gain, source_width_, value, step);
   kernels().stretch_row(value, step, index_.data(), weight_.data(), out_width_, out);
 }

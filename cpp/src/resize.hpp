@@ -51,6 +51,7 @@ class RowResizer {
   int source_height_ = 0;
   int out_width_ = 0;
   int workers_ = 0;
+  int stride_ = 0;  // of scratch rows
 };
 
 // out = gain * resized source

@@ -20,6 +20,8 @@ struct RemapSpan {
 // A left neighbour must have this many pixels from itself to the end of its row.
 constexpr int remap_reach = 4;
 
+constexpr int stretch_reach = 16;
+
 // One row of the full-size maps, and what is to be made of it. Null where not wanted.
 struct DepthRow {
   const float* disparity;
@@ -57,7 +59,8 @@ struct Kernels {
   // value[i] = gain * (upper[i] + weight * (lower[i] - upper[i])) and step[i] = value[i + 1] - value[i], zero at the end.
   void (*blend_rows)(const float* upper, const float* lower, float weight, float gain, int count, float* value,
                      float* step);
-  // out[x] = value[index[x]] + weight[x] * step[index[x]]
+  // out[x] = value[index[x]] + weight[x] * step[index[x]]. `index` never falls; `value` and `step` may be read, not
+  // used, up to stretch_reach elements from the first index of a group on.
   void (*stretch_row)(const float* value, const float* step, const int32_t* index, const float* weight, int count,
                       float* out);
 

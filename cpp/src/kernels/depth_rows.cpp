@@ -1,4 +1,4 @@
-// Float kernels, compiled once per instruction set: plain loops that the compiler vectorises. Contraction to fused
+// Depth, reasons and blending of rows, compiled once per instruction set: plain loops that the compiler vectorises. Contraction to fused
 // multiply-add is off for the whole build and nothing is reassociated, so that every set rounds alike.
 #include <string.h>
 
@@ -67,30 +67,45 @@ void measure_depth(const float* disparity, int count, const DepthLimits& limits,
   for (int i = 0; i < count; ++i) s.depth[i] = limits.focal_baseline / (disparity[i] + limits.doffs);
 }
 
-inline int range_reason(float d, float match, float depth, const DepthLimits& limits) {
-  const bool usable = limits.metric ? d + limits.doffs > 0.0f && depth >= limits.min_depth && depth <= limits.max_depth
-                                    : d > 0.0f;
-  return usable && match < infinity ? 0 : out_of_range;
-}
+// Conditions below are combined with & and |, not && and ||: a loop without branches is one that can be vectorised.
 
 // `covered_from` is the leftmost match of all chunks to the right.
-void give_reasons(const float* disparity, const float* confidence, int count, float last, float covered_from,
-                  const DepthLimits& limits, const Scratch& s, uint8_t* reasons) {
+void give_reasons(const float* confidence, int count, float last, float covered_from, float min_confidence,
+                  const Scratch& s, uint8_t* reasons) {
   for (int i = 0; i < count; ++i) {
     const float match = s.match[i];
     const float cover = s.cover[i] < covered_from ? s.cover[i] : covered_from;
-    int r = confidence[i] >= limits.min_confidence ? 0 : low_confidence;
-    r |= match < infinity && cover < match - 1.0f ? occluded : 0;
-    r |= match < 0.0f || (match > last && match < infinity) ? outside_overlap : 0;
-    r |= range_reason(disparity[i], match, s.depth[i], limits);
+    const int finite = match < infinity;
+    int r = confidence[i] >= min_confidence ? 0 : low_confidence;
+    r |= finite & (cover < match - 1.0f) ? occluded : 0;
+    r |= finite & ((match < 0.0f) | (match > last)) ? outside_overlap : 0;
+    r |= finite ? 0 : out_of_range;
     reasons[i] = static_cast<uint8_t>(r);
+  }
+}
+
+// The limits come by value: a byte store may change anything that a reference points to.
+void add_range_reasons(const float* disparity, int count, const DepthLimits limits, const Scratch& s,
+                       uint8_t* reasons) {
+  for (int i = 0; i < count; ++i) {
+    const float depth = s.depth[i];
+    const int usable =
+        (disparity[i] + limits.doffs > 0.0f) & (depth >= limits.min_depth) & (depth <= limits.max_depth);
+    reasons[i] = static_cast<uint8_t>(reasons[i] | (usable ? 0 : out_of_range));
+  }
+}
+
+void add_sign_reasons(const float* disparity, int count, uint8_t* reasons) {
+  for (int i = 0; i < count; ++i) {
+    reasons[i] = static_cast<uint8_t>(reasons[i] | (disparity[i] > 0.0f ? 0 : out_of_range));
   }
 }
 
 void add_colour_reasons(const uint8_t* red, const uint8_t* green, const uint8_t* blue, int count, uint8_t* reasons) {
   for (int i = 0; i < count; ++i) {
-    const bool full = red[i] >= saturation_level && green[i] >= saturation_level && blue[i] >= saturation_level;
-    reasons[i] = static_cast<uint8_t>(reasons[i] | (full ? saturated : 0));
+    uint8_t least = red[i] < green[i] ? red[i] : green[i];
+    least = least < blue[i] ? least : blue[i];
+    reasons[i] = static_cast<uint8_t>(reasons[i] | (least >= saturation_level ? saturated : 0));
   }
 }
 
@@ -136,11 +151,6 @@ void blend_rows(const float* upper, const float* lower, float weight, float gain
   step[count - 1] = 0.0f;
 }
 
-void stretch_row(const float* value, const float* step, const int32_t* index, const float* weight, int count,
-                 float* out) {
-  for (int x = 0; x < count; ++x) out[x] = value[index[x]] + weight[x] * step[index[x]];
-}
-
 int depth_row(const DepthRow& row, const DepthLimits& limits) {
   Scratch s;
   for (int i = chunk; i < 2 * chunk; ++i) s.cover[i] = infinity;
@@ -156,8 +166,13 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
     const float* confidence = row.confidence + first;
     uint8_t* reasons = row.reasons + first;
     find_matches(disparity, first, count, s);
-    if (limits.metric) measure_depth(disparity, count, limits, s);
-    give_reasons(disparity, confidence, count, last, covered_from, limits, s, reasons);
+    give_reasons(confidence, count, last, covered_from, limits.min_confidence, s, reasons);
+    if (limits.metric) {
+      measure_depth(disparity, count, limits, s);
+      add_range_reasons(disparity, count, limits, s, reasons);
+    } else {
+      add_sign_reasons(disparity, count, reasons);
+    }
     if (row.colour[0] != nullptr) {
       add_colour_reasons(row.colour[0] + first, row.colour[1] + first, row.colour[2] + first, count, reasons);
     }

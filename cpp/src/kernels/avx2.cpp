@@ -1,5 +1,6 @@
-// Byte kernels for AVX2.
+// Kernels for AVX2.
 #include <immintrin.h>
+#include <string.h>
 
 #include "kernels.hpp"
 #include "sets.hpp"
@@ -10,15 +11,42 @@ namespace {
 constexpr int lanes = 8;
 
 // Byte offsets of the upper left neighbours of 8 pixels.
-inline __m256i offsets(const uint32_t* corner, __m256i stride, int channels) {
+inline void find_offsets(const uint32_t* corner, __m256i stride, int channels, int32_t* offset) {
   const __m256i c = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(corner));
   const __m256i x = _mm256_and_si256(c, _mm256_set1_epi32(0xffff));
   const __m256i y = _mm256_srli_epi32(c, 16);
-  return _mm256_add_epi32(_mm256_mullo_epi32(y, stride), _mm256_mullo_epi32(x, _mm256_set1_epi32(channels)));
+  const __m256i sum =
+      _mm256_add_epi32(_mm256_mullo_epi32(y, stride), _mm256_mullo_epi32(x, _mm256_set1_epi32(channels)));
+  _mm256_store_si256(reinterpret_cast<__m256i*>(offset), sum);
 }
 
-inline __m256i gather4(const uint8_t* base, __m128i offset) {
-  return _mm256_i32gather_epi64(reinterpret_cast<const long long*>(base), offset, 1);
+inline __m256i everywhere64(const uint8_t* from) {
+  long long value;
+  memcpy(&value, from, sizeof(value));
+  return _mm256_set1_epi64x(value);
+}
+
+inline __m256i everywhere32(const uint8_t* from) {
+  int value;
+  memcpy(&value, from, sizeof(value));
+  return _mm256_set1_epi32(value);
+}
+
+// 8 bytes from each of 4 places. Broadcast loads and blends, because gather instructions are slow on many processors:
+// the microcode that closes their data leak makes them several times slower than this.
+inline __m256i collect4(const uint8_t* base, const int32_t* offset) {
+  const __m256i low = _mm256_blend_epi32(everywhere64(base + offset[0]), everywhere64(base + offset[1]), 0x0c);
+  const __m256i high = _mm256_blend_epi32(everywhere64(base + offset[2]), everywhere64(base + offset[3]), 0xc0);
+  return _mm256_blend_epi32(low, high, 0xf0);
+}
+
+// 4 bytes from each of 8 places.
+inline __m256i collect8(const uint8_t* base, const int32_t* offset) {
+  const __m256i a = _mm256_blend_epi32(everywhere32(base + offset[0]), everywhere32(base + offset[1]), 0x02);
+  const __m256i b = _mm256_blend_epi32(everywhere32(base + offset[2]), everywhere32(base + offset[3]), 0x08);
+  const __m256i c = _mm256_blend_epi32(everywhere32(base + offset[4]), everywhere32(base + offset[5]), 0x20);
+  const __m256i d = _mm256_blend_epi32(everywhere32(base + offset[6]), everywhere32(base + offset[7]), 0x80);
+  return _mm256_blend_epi32(_mm256_blend_epi32(a, b, 0x0c), _mm256_blend_epi32(c, d, 0xc0), 0xf0);
 }
 
 // Turns the fractions fx of all bytes into pairs (128 - fx, fx): even bytes become (fx ^ 255) + 129.
@@ -33,30 +61,34 @@ inline __m256i between_rows(__m256i upper, __m256i lower, __m256i fy_high) {
   return _mm256_srai_epi16(_mm256_add_epi16(value, _mm256_set1_epi16(64)), 7);
 }
 
-// 4 pixels, each as 4 words (three channels and one unused), from 8 bytes of each row.
-inline __m256i blend4(__m256i upper, __m256i lower, const uint16_t* fraction) {
+// 4 pixels, each as 4 words (three channels and one unused), from 8 bytes of each row. `all_x` and `high_y` pick the
+// pixels' fractions out of `fractions`: fx to all bytes of a pixel, fy to the upper byte of its words.
+inline __m256i blend4(__m256i upper, __m256i lower, __m256i fractions, __m256i all_x, __m256i high_y) {
   const __m256i pairs = _mm256_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1,  //
                                          0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1);
-  const __m256i all_x = _mm256_setr_epi8(0, 0, 0, 0, 0, 0, 0, 0, 8, 8, 8, 8, 8, 8, 8, 8,  //
-                                         0, 0, 0, 0, 0, 0, 0, 0, 8, 8, 8, 8, 8, 8, 8, 8);
-  const __m256i high_y = _mm256_setr_epi8(-1, 1, -1, 1, -1, 1, -1, 1, -1, 9, -1, 9, -1, 9, -1, 9,  //
-                                          -1, 1, -1, 1, -1, 1, -1, 1, -1, 9, -1, 9, -1, 9, -1, 9);
   const __m256i zero_level = _mm256_set1_epi8(-128);
-  const __m256i f = _mm256_cvtepu16_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(fraction)));
-  const __m256i weights = pair_weights(_mm256_shuffle_epi8(f, all_x));
+  const __m256i weights = pair_weights(_mm256_shuffle_epi8(fractions, all_x));
   const __m256i u = _mm256_xor_si256(_mm256_shuffle_epi8(upper, pairs), zero_level);
   const __m256i l = _mm256_xor_si256(_mm256_shuffle_epi8(lower, pairs), zero_level);
   return between_rows(_mm256_maddubs_epi16(weights, u), _mm256_maddubs_epi16(weights, l),
-                      _mm256_shuffle_epi8(f, high_y));
+                      _mm256_shuffle_epi8(fractions, high_y));
 }
 
 inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_lanes, const uint32_t* corner,
                         const uint16_t* fraction, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
-  const __m256i offset = offsets(corner, stride_lanes, 3);
-  const __m128i low = _mm256_castsi256_si128(offset);
-  const __m128i high = _mm256_extracti128_si256(offset, 1);
-  const __m256i first = blend4(gather4(source, low), gather4(source + stride, low), fraction);
-  const __m256i second = blend4(gather4(source, high), gather4(source + stride, high), fraction + 4);
+  const __m256i first_x = _mm256_setr_epi8(0, 0, 0, 0, 0, 0, 0, 0, 2, 2, 2, 2, 2, 2, 2, 2,  //
+                                           4, 4, 4, 4, 4, 4, 4, 4, 6, 6, 6, 6, 6, 6, 6, 6);
+  const __m256i first_y = _mm256_setr_epi8(-1, 1, -1, 1, -1, 1, -1, 1, -1, 3, -1, 3, -1, 3, -1, 3,  //
+                                           -1, 5, -1, 5, -1, 5, -1, 5, -1, 7, -1, 7, -1, 7, -1, 7);
+  const __m256i second_x = _mm256_add_epi8(first_x, _mm256_set1_epi8(8));
+  const __m256i second_y = _mm256_add_epi8(first_y, _mm256_set1_epi16(0x0800));
+  const __m256i f = _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(fraction)));
+  alignas(32) int32_t offset[lanes];
+  find_offsets(corner, stride_lanes, 3, offset);
+  asm volatile("" : "+m"(offset));
+  const uint8_t* below = source + stride;
+  const __m256i first = blend4(collect4(source, offset), collect4(below, offset), f, first_x, first_y);
+  const __m256i second = blend4(collect4(source, offset + 4), collect4(below, offset + 4), f, second_x, second_y);
   // Packing works within halves: put the pixels back in order, group the channels, then bring each channel together.
   const __m256i packed = _mm256_xor_si256(_mm256_packs_epi16(first, second), _mm256_set1_epi8(-128));
   const __m256i ordered = _mm256_permutevar8x32_epi32(packed, _mm256_setr_epi32(0, 1, 4, 5, 2, 3, 6, 7));
@@ -72,9 +104,10 @@ inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_
 
 inline void remap_gray_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_lanes, const uint32_t* corner,
                          const uint16_t* fraction, uint8_t* out) {
-  const __m256i offset = offsets(corner, stride_lanes, 1);
-  const __m256i upper = _mm256_i32gather_epi32(reinterpret_cast<const int*>(source), offset, 1);
-  const __m256i lower = _mm256_i32gather_epi32(reinterpret_cast<const int*>(source + stride), offset, 1);
+  alignas(32) int32_t offset[lanes];
+  find_offsets(corner, stride_lanes, 1, offset);
+  const __m256i upper = collect8(source, offset);
+  const __m256i lower = collect8(source + stride, offset);
   // One 32-bit lane per pixel: two upper neighbours, then two lower ones.
   const __m256i four = _mm256_blend_epi16(upper, _mm256_slli_epi32(lower, 16), 0xaa);
   const __m256i f =
@@ -141,6 +174,21 @@ void split_rgb(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8
     _mm_storeu_si128(reinterpret_cast<__m128i*>(c2 + at), join(_mm_shuffle_epi8(a, third0), _mm_shuffle_epi8(b, third1),
                                                                _mm_shuffle_epi8(c, third2)));
   }
+}
+
+void stretch_row(const float* value, const float* step, const int32_t* index, const float* weight, int count,
+                 float* out) {
+  int x = 0;
+  for (; x + lanes <= count; x += lanes) {
+    const int first = index[x];
+    if (index[x + lanes - 1] - first >= lanes) break;  // the map shrinks: neighbours are too far apart for a permutation
+    const __m256i at = _mm256_sub_epi32(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(index + x)),
+                                        _mm256_set1_epi32(first));
+    const __m256 v = _mm256_permutevar8x32_ps(_mm256_loadu_ps(value + first), at);
+    const __m256 s = _mm256_permutevar8x32_ps(_mm256_loadu_ps(step + first), at);
+    _mm256_storeu_ps(out + x, _mm256_add_ps(v, _mm256_mul_ps(_mm256_loadu_ps(weight + x), s)));
+  }
+  plain::stretch_row(value, step, index + x, weight + x, count - x, out + x);
 }
 
 }  // namespace endosdk::avx2

@@ -1,4 +1,4 @@
-// Byte kernels without vector instructions: the definition that the others must match bit for bit.
+// Kernels without vector instructions: the definition that the others must match bit for bit.
 #include "kernels.hpp"
 #include "sample.hpp"
 #include "sets.hpp"
@@ -35,6 +35,11 @@ void split_rgb(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8
     c1[i] = source[3 * i + 1];
     c2[i] = source[3 * i + 2];
   }
+}
+
+void stretch_row(const float* value, const float* step, const int32_t* index, const float* weight, int count,
+                 float* out) {
+  for (int x = 0; x < count; ++x) out[x] = value[index[x]] + weight[x] * step[index[x]];
 }
 
 }  // namespace endosdk::plain
