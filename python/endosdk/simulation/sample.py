@@ -1,0 +1,171 @@
+"""From a seed to one finished stereo sample: build the scene, find a pose, draw both views, take the truth."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endosdk.dataset import Sample, find_occlusion
+from endosdk.errors import InvalidArgument
+from endosdk.simulation.camera import Pose, StereoCamera, View, rectified_views
+from endosdk.simulation.geometry import build_mesh
+from endosdk.simulation.instrument import instrument_parts
+from endosdk.simulation.junction import join_lumens
+from endosdk.simulation.noise import Array
+from endosdk.simulation.rasteriser import Rasteriser
+from endosdk.simulation.scene import Scene, candidate_poses, draw_scene
+from endosdk.simulation.sensor import expose
+from endosdk.simulation.texture import paint_tissue
+
+GENERATOR_VERSION = "1"
+POSE_TRIALS = 8
+PREVIEW_PX = 240
+# A pose is refused when little of the picture is near, or when a fold right at the lens takes all the range.
+CLOSE_SHARE, CLOSE_DISPARITY = 0.25, 0.33
+LENS_SHARE, LENS_DISPARITY = 0.03, 0.85
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Disparities, in px, that a sample may hold."""
+
+    smallest: float = 2.0
+    largest: float = 69.5
+
+    def __post_init__(self) -> None:
+        if not (0 < self.smallest < self.largest < 250):
+            rule = "disparities must satisfy 0 < smallest < largest < 250 px"
+            raise InvalidArgument("limits", rule, (self.smallest, self.largest))
+        if self.largest < 4 * self.smallest:
+            raise InvalidArgument("limits", "the largest disparity must be at least 4 times the smallest", self)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A scene whose camera has been placed: what remains is to draw it."""
+
+    scene: Scene
+    pose: Pose
+    scale: float  # of the organ, about the left camera
+    reach: float  # mm, typical distance; the lamp is set to it
+
+
+def render_sample(renderer: Rasteriser, seed: int, organ: str, camera: StereoCamera, limits: Limits) -> Sample:
+    """Render the sample of this seed: a function of its arguments and of ``renderer.version`` alone."""
+    scene = draw_scene(seed, organ)
+    load_scene(renderer, scene)
+    placed = place_camera(renderer, scene, camera, limits)
+    placed, truth = draw_truth(renderer, placed, camera, limits)
+    light = [draw_light(renderer, view, placed, camera) for view in rectified_views(camera)]
+    left, right = expose(light[0], light[1], scene.sensor, (seed, 7))
+    renderer.clear()
+    return Sample(
+        id=f"{seed:09d}",
+        left=left,
+        right=right,
+        disparity=truth[0],
+        disparity_right=truth[1],
+        occlusion=find_occlusion(truth[0], truth[1]),
+        focal_px=camera.focal_px,
+        baseline_mm=camera.baseline_mm,
+        doffs=0.0,
+        info={"seed": seed, "organ": scene.organ, "renderer": renderer.version, "scene": describe(placed)},
+    )
+
+
+def load_scene(renderer: Rasteriser, scene: Scene) -> None:
+    """Build every surface of the scene and hand it to the renderer, replacing what it held."""
+    renderer.clear()
+    meshes = [build_mesh(part.shape, (part.seed, 0)) for part in scene.parts]
+    for part, mesh in zip(scene.parts, join_lumens([part.shape for part in scene.parts], meshes), strict=True):
+        texture = paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, part.texture_px)
+        renderer.add(mesh, part.tissue, texture)
+
+
+def place_camera(renderer: Rasteriser, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
+    """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range."""
+    preview = rectified_views(_smaller(camera))[0]
+    wanted = max(limits.largest * scene.nearest_share, 4 * limits.smallest)
+    best: tuple[float, Pose] | None = None
+    for _, pose in zip(range(POSE_TRIALS), candidate_poses(scene), strict=False):
+        depth = renderer.depth(preview, pose, 1.0)
+        fault = _pose_fault(depth, limits.smallest / wanted)
+        if best is None or fault < best[0]:
+            best = (fault, pose)
+        if fault == 0.0:
+            break
+    assert best is not None
+    pose = best[1]
+    if scene.instrument is not None:
+        for part in instrument_parts(scene.instrument, renderer.depth(preview, pose, 1.0), preview, pose):
+            mesh = build_mesh(part.shape, (part.seed, 0))
+            renderer.add(mesh, part.tissue, paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, part.texture_px))
+    scale = _fit_scale(renderer, pose, camera, wanted)
+    return Placed(scene, pose, scale, scale * float(np.median(renderer.depth(preview, pose, 1.0))))
+
+
+def _smaller(camera: StereoCamera) -> StereoCamera:
+    factor = PREVIEW_PX / camera.width
+    height = max(16, round(camera.height * factor))
+    return StereoCamera(PREVIEW_PX, height, camera.focal_px * factor, camera.baseline_mm)
+
+
+def _pose_fault(depth: Array, smallest_share: float) -> float:
+    """Return 0 for a good pose, else how bad it is. Shares are of the nearest surface's disparity."""
+    share = float(depth.min()) / depth
+    fault = max(0.0, CLOSE_SHARE - float((share > CLOSE_DISPARITY).mean()))
+    fault += max(0.0, LENS_SHARE - float((share > LENS_DISPARITY * 0.8).mean()))
+    return fault + 5.0 * float((share < smallest_share).mean())
+
+
+def _fit_scale(renderer: Rasteriser, pose: Pose, camera: StereoCamera, wanted: float) -> float:
+    """Return the scale at which the largest disparity of either view of a preview is about ``wanted``."""
+    small = _smaller(camera)
+    views = rectified_views(small)
+    # The left view scales exactly; the right one shifts a little with the scale, hence the second round.
+    scale = _largest_disparity(renderer.depth(views[0], pose, 1.0), small) * camera.width / PREVIEW_PX / wanted
+    seen = max(_largest_disparity(renderer.depth(view, pose, scale), small) for view in views)
+    return scale * seen * camera.width / PREVIEW_PX / wanted
+
+
+def _largest_disparity(depth: Array, camera: StereoCamera) -> float:
+    return camera.focal_px * camera.baseline_mm / float(depth.min())
+
+
+def draw_truth(
+    renderer: Rasteriser, placed: Placed, camera: StereoCamera, limits: Limits
+) -> tuple[Placed, tuple[Array, Array]]:
+    """Return both true disparities [H,W] in px, NaN where nothing is seen, and the scene as drawn.
+
+    The preview can miss a thin tip: where the full picture exceeds the limit, the organ is made a little larger.
+    """
+    while True:
+        depths = [renderer.depth(view, placed.pose, placed.scale) for view in rectified_views(camera)]
+        seen = max(_largest_disparity(depth, camera) for depth in depths)
+        if seen <= limits.largest:
+            break
+        placed = replace(placed, scale=placed.scale * 1.002 * seen / limits.largest)
+    left, right = (_to_disparity(depth, camera) for depth in depths)
+    return placed, (left, right)
+
+
+def _to_disparity(depth: Array, camera: StereoCamera) -> Array:
+    disparity = (camera.focal_px * camera.baseline_mm / depth.astype(np.float64)).astype(np.float32)
+    return np.where(disparity > 0, disparity, np.float32(np.nan)).astype(np.float32)
+
+
+def draw_light(renderer: Rasteriser, view: View, placed: Placed, camera: StereoCamera) -> NDArray[np.float32]:
+    """Return the linear light [H,W,3] that reaches this view."""
+    middle = (0.5 * camera.baseline_mm, 0.0, 0.0)
+    return renderer.colour(view, placed.pose, placed.scale, placed.scene.lamp, middle, placed.reach)
+
+
+def describe(placed: Placed) -> dict[str, Any]:
+    """Return what was drawn as plain values for the sample's record."""
+    record = asdict(placed.scene)
+    record["pose"] = {"position": placed.pose.position.tolist(), "axes": placed.pose.axes.tolist()}
+    record["scale"] = placed.scale
+    return record
