@@ -54,10 +54,11 @@ def calibrate_confidence(network: StereoNetwork, reader: DatasetReader, indices:
     rng = np.random.default_rng(seed)
     evidence, error = [], []
     for frame in predict_frames(network, reader, indices, title="confidence"):
-        known = np.flatnonzero(np.isfinite(frame.truth))
+        truth = frame.sample.disparity
+        known = np.flatnonzero(np.isfinite(truth))
         chosen = rng.choice(known, size=min(PIXELS_PER_FRAME, len(known)), replace=False)
         evidence.append(frame.evidence.flatten(1)[:, chosen].T)
-        error.append(torch.from_numpy((frame.maps[-1] - frame.truth).ravel()[chosen]))
+        error.append(torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen]))
     if not evidence:
         raise InvalidArgument("held_out", "must leave at least one pair to fit the confidence on", 0)
     network.confidence.weights.copy_(fit_laplace(torch.cat(evidence), torch.cat(error)))

@@ -67,6 +67,8 @@ class TrainConfig:
                 raise InvalidArgument(name, "must be at least 1", getattr(self, name))
         if not 0 < self.final_rate <= self.rate:
             raise InvalidArgument("final_rate", "must be above 0 and at most rate", self.final_rate)
+        if any(side < 8 or side % 8 for side in (*self.crop, *(self.refine_crop or ()))):
+            raise InvalidArgument("crop", "and refine_crop must be multiples of 8", (self.crop, self.refine_crop))
         if self.refine_crop is not None and any(w > c for w, c in zip(self.refine_crop, self.crop, strict=True)):
             raise InvalidArgument("refine_crop", f"must fit into the crop {self.crop}", self.refine_crop)
 

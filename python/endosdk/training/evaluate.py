@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -12,19 +13,18 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
-from endosdk.dataset import DatasetReader
-from endosdk.training.data import has_truth, planar
+from endosdk.dataset import DatasetReader, Sample
+from endosdk.scores import ScoreBoard
+from endosdk.training.data import planar
 from endosdk.training.networks.base import StereoNetwork
 
 
 class Frame(NamedTuple):
-    """What a network says about one pair beside the truth; everything at the size of the frame, px."""
+    """What a network says about one pair, at the size of the frame."""
 
-    maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W]
-    log_scale: NDArray[np.float32]  # [H, W], log of the expected error of the last map
+    sample: Sample
+    maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W], px
     evidence: Tensor  # [K, H, W]
-    truth: NDArray[np.float32]  # [H, W], NaN where there is none or beyond the network's range
-    visible: NDArray[np.bool_]  # [H, W], true where both cameras see the point
 
 
 def pad_to_multiple(image: Tensor, multiple: int) -> Tensor:
@@ -50,21 +50,48 @@ def predict_frames(
     for index in tqdm(indices, desc=title, unit="pair", disable=not title, leave=False):
         sample = reader[index]
         height, width = sample.left.shape[:2]
-        views = [
+        left, right = (
             pad_to_multiple(planar(view)[None].to(device, torch.float32), network.input_multiple)
             for view in (sample.left, sample.right)
-        ]
-        prediction = network(*views, refined=refined)
-        log_scale = (
-            network.confidence.log_scale(prediction.evidence)
-            if refined
-            else torch.zeros_like(prediction.disparities[0])
         )
-        *maps, log_scale, evidence = (
+        prediction = network(left, right, refined=refined)
+        *maps, evidence = (
             to_input_grid(values, network.output_stride)[0, :, :height, :width].cpu()
-            for values in (*prediction.disparities, log_scale, prediction.evidence)
+            for values in (*prediction.disparities, prediction.evidence)
         )
-        truth = torch.from_numpy(np.array(sample.disparity))
-        truth = torch.where(has_truth(truth, network.max_disparity), truth, torch.nan)
-        visible = np.ones(truth.shape, dtype=bool) if sample.occlusion is None else ~sample.occlusion
-        yield Frame([m[0].numpy() for m in maps], log_scale[0].numpy(), evidence, truth.numpy(), visible)
+        yield Frame(sample, [found[0].numpy() for found in maps], evidence)
+
+
+def mean_errors(
+    network: StereoNetwork, reader: DatasetReader, indices: Sequence[int], *, refined: bool
+) -> dict[str, float]:
+    """Error of each map, px, and the share of pixels of the last that are off by more than 1 px."""
+    names = ("epe_coarse", "epe_refined")[: 2 if refined else 1]
+    boards = {name: ScoreBoard() for name in names}
+    for frame in predict_frames(network, reader, indices, refined=refined, title="validation"):
+        for name, found in zip(names, frame.maps, strict=True):
+            boards[name].add(found, frame.sample.disparity)
+    results = {name: board.result()["all"] for name, board in boards.items()}
+    return {**{name: result["epe_px"] for name, result in results.items()}, "over_1px": results[names[-1]]["kpe_1"]}
+
+
+def full_scores(network: StereoNetwork, reader: DatasetReader) -> dict[str, Any]:
+    """Every measure of `ScoreBoard` over a split, confidence and expected depth error included."""
+    board = ScoreBoard()
+    for frame in predict_frames(network, reader, range(len(reader)), title="test split"):
+        sample, disparity = frame.sample, frame.maps[-1]
+        scale = torch.exp(network.confidence.log_scale(frame.evidence[None]))[0, 0].numpy()
+        # Depth error of a Laplace law of scale b: its standard deviation, sqrt(2) b px, brought to mm.
+        reach = np.maximum(disparity + sample.doffs, 0.5)
+        sigma = sample.focal_px * sample.baseline_mm / reach**2 * math.sqrt(2.0) * scale
+        board.add(
+            disparity,
+            sample.disparity,
+            occlusion=sample.occlusion,
+            focal_px=sample.focal_px,
+            baseline_mm=sample.baseline_mm,
+            doffs=sample.doffs,
+            sigma=sigma,
+            confidence=1.0 - np.exp(-1.0 / scale),
+        )
+    return board.result()

@@ -7,7 +7,6 @@ import json
 import os
 import time
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,9 @@ from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
 from endosdk.training.data import Crops, has_truth
-from endosdk.training.evaluate import predict_frames, to_input_grid
+from endosdk.training.evaluate import mean_errors, to_input_grid
 from endosdk.training.loss import build_loss
-from endosdk.training.networks import StereoNetwork, build_network
+from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Prediction, Window
 
 LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined")
@@ -70,6 +69,7 @@ class Run:
         self.loss = build_loss(config.loss, config.balance)
         self.step, self.seconds = 0, 0.0
         self.history: list[dict[str, float]] = []
+        self.origin: dict[str, Any] | None = None  # what the weights were before this run
         saved = self._restore(resume)
         _channels_last(self.network.to(self.device))
         self.optimiser = _optimiser(self.network, config)
@@ -94,7 +94,10 @@ class Run:
         self.network.load_state_dict(saved.network)
         if resume:
             self.step, self.seconds = saved.step, float(saved.state["seconds"])
-            self.history = saved.state["history"]
+            self.history, self.origin = saved.state["history"], saved.state["init"]
+        else:
+            past = {key: saved.config.as_dict()[key] for key in ("loss", "optimiser", "rate", "final_rate")}
+            self.origin = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
         return saved
 
     def fit(self) -> None:
@@ -193,7 +196,12 @@ class Run:
     def save(self) -> None:
         """Write the checkpoint."""
         if self.rank == 0:
-            state = {"seconds": self.seconds, "history": self.history, "dataset": dataset_note(self.reader)}
+            state = {
+                "seconds": self.seconds,
+                "history": self.history,
+                "dataset": dataset_note(self.reader),
+                "init": self.origin,
+            }
             path = self.out / checkpoint.LAST
             checkpoint.save(path, self.config, self.step, state, self.network, self.optimiser)
 
@@ -224,22 +232,6 @@ class Run:
     def _write_summary(self) -> None:
         summary = {"config": self.config.as_dict(), "dataset": dataset_note(self.reader), "validation": self.history}
         (self.out / "log.json").write_text(json.dumps(summary, indent=1) + "\n")
-
-
-def mean_errors(
-    network: StereoNetwork, reader: DatasetReader, indices: list[int], *, refined: bool
-) -> dict[str, float]:
-    """Mean error of each map over all pixels with truth, and the share over 1 px of the last."""
-    sums, over, count = np.zeros(2), 0, 0
-    for frame in predict_frames(network, reader, indices, refined=refined, title="validation"):
-        known = np.isfinite(frame.truth)
-        errors = [np.abs(found[known] - frame.truth[known]) for found in frame.maps]
-        sums[: len(errors)] += [float(error.sum(dtype=np.float64)) for error in errors]
-        over += int((errors[-1] > 1.0).sum())
-        count += int(known.sum())
-    names = ("epe_coarse", "epe_refined")[: 2 if refined else 1]
-    count = max(count, 1)
-    return {**{name: float(value) / count for name, value in zip(names, sums, strict=False)}, "over_1px": over / count}
 
 
 def split_pairs(reader: DatasetReader, config: TrainConfig) -> tuple[list[int], list[int]]:
@@ -298,8 +290,3 @@ class _process_group:
     def __exit__(self, *_: object) -> None:
         if self.joined:
             dist.destroy_process_group()
-
-
-def extended(config: TrainConfig, **changes: Any) -> TrainConfig:
-    """Return the settings with some changed, checked again."""
-    return replace(config, **changes)

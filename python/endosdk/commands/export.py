@@ -1,0 +1,37 @@
+"""``endosdk export``: turn a training run into a model file, and prove that both compute the same."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("run", type=Path, help="run folder or checkpoint")
+    parser.add_argument("--out", type=Path, required=True, help="the .onnx file to write")
+    parser.add_argument("--name", help="name under which the model is loaded (default: that of the network)")
+    parser.add_argument("--model-version", default="1", help="version of the weights (default: %(default)s)")
+    parser.add_argument(
+        "--data", type=Path, metavar="DIR", help="score the model on the test split; parity frames come from there too"
+    )
+    parser.add_argument("--layout", default="endosdk", help="layout of the data set (default: %(default)s)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Export, compare with torch, and write the figures beside the file."""
+    from endosdk.training import checkpoint
+    from endosdk.training.release import release
+
+    report = release(
+        checkpoint.load(args.run),
+        args.out,
+        name=args.name,
+        version=args.model_version,
+        data=args.data,
+        layout=args.layout,
+    )
+    print(json.dumps(report, indent=1))
+    print(f"written {args.out}")
+    return 0

@@ -1,0 +1,65 @@
+"""``endosdk train``: train a network on a data set, or go on with a run."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+# Settings that the command line offers, with the text that --help shows; the rest keep the defaults of TrainConfig.
+_SETTINGS: dict[str, tuple[type, str]] = {
+    "max_disparity": (int, "range of the network in px, a multiple of 8"),
+    "layout": (str, "how the data set is laid out"),
+    "train_pairs": (int, "use only the first so many pairs"),
+    "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
+    "init_from": (str, "run folder or checkpoint to start from"),
+    "batch": (int, "pairs per step and process"),
+    "workers": (int, "extra processes that prepare crops"),
+    "seed": (int, "seed of weights and crops"),
+    "loss": (str, "scale-invariant, l2 or smooth-l1"),
+    "balance": (float, "lambda of the scale-invariant loss"),
+    "steps": (int, "steps in all"),
+    "optimiser": (str, "rmsprop or adamw"),
+    "rate": (float, "learning rate at the start"),
+    "final_rate": (float, "learning rate at the end"),
+    "refine_from_step": (int, "train the coarse stage alone until this step"),
+    "precision": (str, "auto, fp32 or bf16"),
+    "device": (str, "auto, cpu or cuda"),
+    "validate_every": (int, "steps between validations"),
+    "checkpoint_minutes": (float, "minutes between checkpoints"),
+}
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments; what is not given keeps its default, or the run's own value when it is resumed."""
+    parser.add_argument("--data", help="root of the data set")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint, log.csv, log.json")
+    parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
+    parser.add_argument("--network", help="wang2020 or fast")
+    parser.add_argument("--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px")
+    parser.add_argument(
+        "--refine-crop", type=int, nargs=2, metavar=("H", "W"), help="part of the crop that the refinement sees, px"
+    )
+    parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="plain crops")
+    for name, (kind, text) in _SETTINGS.items():
+        parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train and print where the result lies."""
+    from endosdk.training.config import TrainConfig
+    from endosdk.training.train import train
+
+    given = _given(args)
+    if args.resume:
+        from endosdk.training import checkpoint
+
+        given = {**checkpoint.load(args.out).config.as_dict(), **given}
+    trained = train(TrainConfig.from_dict(given), args.out, resume=args.resume)
+    print(f"written {trained}")
+    return 0
+
+
+def _given(args: argparse.Namespace) -> dict[str, Any]:
+    names = ("data", "network", "crop", "refine_crop", "augment", *_SETTINGS)
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}

@@ -1,0 +1,104 @@
+import json
+
+import pytest
+import torch
+from safetensors import safe_open
+
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.training import checkpoint
+from endosdk.training.config import TrainConfig
+from endosdk.training.networks import build_network
+
+CONFIG = TrainConfig(network="fast", max_disparity=32, crop=(64, 128), refine_crop=(32, 64))
+STATE = {"seconds": 1.5, "history": [], "dataset": {"name": "x"}, "init": None}
+
+
+def stepped(optimiser_class):
+    torch.manual_seed(0)
+    network = build_network("fast", 32)
+    optimiser = optimiser_class(network.parameters(), lr=1e-3)
+    network(*torch.rand(2, 1, 3, 64, 64) * 255).disparities[0].sum().backward()
+    optimiser.step()
+    return network, optimiser
+
+
+@pytest.mark.parametrize("optimiser_class", [torch.optim.RMSprop, torch.optim.AdamW])
+def test_everything_comes_back(tmp_path, optimiser_class):
+    network, optimiser = stepped(optimiser_class)
+    checkpoint.save(tmp_path / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
+    loaded = checkpoint.load(tmp_path)
+    assert (loaded.config, loaded.step, loaded.state) == (CONFIG, 7, STATE)
+    for name, value in loaded.build().state_dict().items():
+        assert torch.equal(value, network.state_dict()[name])
+    fresh = optimiser_class(network.parameters(), lr=5e-4)
+    checkpoint.restore_optimiser(fresh, loaded.optimiser)
+    assert fresh.param_groups[0]["lr"] == 5e-4
+    for index, entries in optimiser.state_dict()["state"].items():
+        for name, value in entries.items():
+            assert torch.equal(fresh.state_dict()["state"][index][name], value)
+
+
+def test_the_file_is_plain_safetensors_with_json(tmp_path):
+    network, optimiser = stepped(torch.optim.RMSprop)
+    checkpoint.save(tmp_path / "a.safetensors", CONFIG, 7, STATE, network, optimiser)
+    with safe_open(tmp_path / "a.safetensors", framework="numpy") as archive:
+        assert json.loads(archive.metadata()["config"])["network"] == "fast"
+        assert "network.confidence.weights" in archive.keys()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.safetensors"]
+
+
+def test_a_failed_write_leaves_the_old_checkpoint(tmp_path):
+    network, optimiser = stepped(torch.optim.RMSprop)
+    path = tmp_path / checkpoint.LAST
+    checkpoint.save(path, CONFIG, 7, STATE, network, optimiser)
+    before = path.read_bytes()
+    (tmp_path / (checkpoint.LAST + ".partial")).mkdir()
+    with pytest.raises(StorageFailed, match="writable"):
+        checkpoint.save(path, CONFIG, 8, STATE, network, optimiser)
+    assert path.read_bytes() == before
+
+
+def test_broken_and_foreign_files_are_named(tmp_path):
+    network, optimiser = stepped(torch.optim.RMSprop)
+    path = tmp_path / "a.safetensors"
+    checkpoint.save(path, CONFIG, 7, STATE, network, optimiser)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InvalidArgument, match=r"a\.safetensors"):
+        checkpoint.load(path)
+    with pytest.raises(InvalidArgument, match="readable"):
+        checkpoint.load(tmp_path / "missing.safetensors")
+    from safetensors.torch import save_file
+
+    save_file({"weight": torch.zeros(2)}, path)
+    with pytest.raises(InvalidArgument, match="format"):
+        checkpoint.load(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"loss": "l3"}, "loss"),
+        ({"optimiser": "sgd"}, "optimiser"),
+        ({"precision": "fp16"}, "precision"),
+        ({"steps": 0}, "steps"),
+        ({"final_rate": 1.0}, "final_rate"),
+        ({"refine_crop": (512, 512)}, "refine_crop"),
+        ({"crop": (60, 128)}, "crop"),
+    ],
+)
+def test_bad_settings_are_named_at_once(changes, name):
+    with pytest.raises(InvalidArgument, match=name):
+        TrainConfig(**changes)
+
+
+def test_unknown_settings_are_refused():
+    with pytest.raises(InvalidArgument, match="epochs"):
+        TrainConfig.from_dict({"epochs": 16})
+
+
+def test_the_rate_rises_then_falls_to_its_end():
+    config = TrainConfig(steps=1000, rate=1e-3, final_rate=1e-5, warmup=10)
+    assert config.rate_at(0) == pytest.approx(1e-4)
+    assert config.rate_at(500) == pytest.approx(1e-4)
+    assert config.rate_at(1000) == pytest.approx(1e-5)
+    assert config.rate_at(5000) == pytest.approx(1e-5)

@@ -1,0 +1,161 @@
+import json
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+import torch
+
+from endosdk.errors import InferenceFailed, StorageFailed
+from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.networks import build_network
+from endosdk.training.parity import check_parity, parity_pairs
+from tests.tiny_model import FILE, INFO, BlockMatching
+from tests.training.test_networks import shaken
+from tests.training.warped_scenes import constant_pair, warped_pair
+
+INFO_FOR = {name: ModelInfo(name, "3", training={"recipe": "none"}) for name in ("wang2020", "fast")}
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Both networks, with weights that leave no layer idle, and their files."""
+    folder = tmp_path_factory.mktemp("models")
+    result = {}
+    for name, info in INFO_FOR.items():
+        torch.manual_seed(1)
+        network = shaken(build_network(name, max_disparity=40))
+        network.confidence.weights.copy_(torch.tensor([0.3, 0.2, 0.4, 0.1]))
+        export_model(network, folder / f"{name}.onnx", info)
+        result[name] = network, folder / f"{name}.onnx"
+    return result
+
+
+@pytest.fixture(params=sorted(INFO_FOR))
+def model(request, exported):
+    return (request.param, *exported[request.param])
+
+
+def test_inputs_and_outputs_are_those_of_the_contract(model):
+    _, network, path = model
+    session = ort.InferenceSession(path)
+    sizes = ["height", "width"]
+    for value, name in zip(session.get_inputs(), ("left", "right"), strict=True):
+        assert (value.name, value.type, value.shape) == (name, "tensor(uint8)", ["batch", 3, *sizes])
+    if network.output_stride > 1:
+        sizes = [f"{size}/{network.output_stride}" for size in sizes]
+    for value, name in zip(session.get_outputs(), ("disparity", "confidence"), strict=True):
+        assert (value.name, value.type, value.shape) == (name, "tensor(float)", ["batch", 1, *sizes])
+    assert {opset.domain for opset in onnx.load(path).opset_import} <= {""}
+    assert onnx.load(path).opset_import[0].version >= 18
+
+
+def test_the_file_describes_itself(model):
+    name, network, path = model
+    metadata = ort.InferenceSession(path).get_modelmeta().custom_metadata_map
+    expected = {
+        "format_version": "1",
+        "name": name,
+        "version": "3",
+        "input_multiple": "8",
+        "output_stride": str(network.output_stride),
+        "max_disparity": "40",
+        "channel_order": "rgb",
+        "license": "Apache-2.0",
+        "training": '{"recipe":"none"}',
+    }
+    assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected
+    assert "not a medical device" in metadata["endosdk.intended_use"]
+    assert len(metadata) == len(expected) + 1
+
+
+def test_torch_and_file_agree_at_three_sizes(model):
+    _, network, path = model
+    pairs = parity_pairs(*warped_pair(5, (224, 320))[:2])
+    assert any(side % 8 for left, _ in pairs for side in left.shape[:2])
+    report = check_parity(network, path, pairs)
+    assert len(report["sizes"]) == 3
+    assert report["largest_px"] <= 1e-3
+    assert max(entry["confidence"] for entry in report["sizes"]) < 1e-3
+    assert json.loads(json.dumps(report)) == report
+
+
+def test_a_batch_is_answered_pair_by_pair(model):
+    _, _, path = model
+    session = ort.InferenceSession(path)
+    lefts, rights = zip(*(warped_pair(seed, (64, 96))[:2] for seed in (1, 2)), strict=True)
+    left, right = (np.stack(views).transpose(0, 3, 1, 2) for views in (lefts, rights))
+    together = session.run(None, {"left": left, "right": right})
+    for index in range(2):
+        part = slice(index, index + 1)
+        alone = session.run(None, {"left": left[part], "right": right[part]})
+        for a, b in zip(together, alone, strict=True):
+            np.testing.assert_allclose(a[part], b, atol=1e-3)
+
+
+def test_the_graph_is_the_one_that_runs_fast(model):
+    name, _, path = model
+    kinds = [node.op_type for node in onnx.load(path).graph.node]
+    assert "BatchNormalization" not in kinds
+    assert kinds.count("Conv") == {"wang2020": 23, "fast": 16}[name]
+    graph = onnx.load(path).graph
+    ranks = {len(weight.dims) for weight in graph.initializer if weight.name.endswith("weight")}
+    assert 5 not in ranks  # no 3-D convolution is left
+
+
+def test_no_source_path_or_class_name_is_inside(model):
+    _, _, path = model
+    data = path.read_bytes()
+    for trace in (
+        b".py",
+        b"/home",
+        b"site-packages",
+        b"endosdk/training",
+        b"stack_trace",
+        b"torch.nn",
+        str(path.parent).encode(),
+    ):
+        assert trace not in data
+    assert list(path.parent.glob("*.data")) == []
+
+
+def test_the_same_network_gives_the_same_bytes(exported, tmp_path):
+    network, path = exported["fast"]
+    export_model(network, tmp_path / "again.onnx", INFO_FOR["fast"])
+    assert (tmp_path / "again.onnx").read_bytes() == path.read_bytes()
+
+
+def test_a_file_of_other_weights_fails_the_comparison(exported):
+    _, path = exported["fast"]
+    torch.manual_seed(2)
+    other = shaken(build_network("fast", max_disparity=40))
+    with pytest.raises(InferenceFailed, match="agree"):
+        check_parity(other, path, parity_pairs(*warped_pair(5, (64, 96))[:2]))
+
+
+def test_an_unwritable_place_is_an_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageFailed, match="writable"):
+        export_model(BlockMatching().eval(), tmp_path / "file" / "model.onnx", INFO)
+
+
+def test_the_shipped_tiny_model_is_the_one_its_generator_makes(tmp_path):
+    network = BlockMatching().eval()
+    export_model(network, tmp_path / "tiny.onnx", INFO)
+    shipped, made = (ort.InferenceSession(path) for path in (FILE, tmp_path / "tiny.onnx"))
+    assert shipped.get_modelmeta().custom_metadata_map == made.get_modelmeta().custom_metadata_map
+    check_parity(network, FILE, parity_pairs(*warped_pair(5, (96, 128))[:2]))
+    assert FILE.stat().st_size < 20_000
+
+
+@pytest.mark.parametrize("shift", [0, 3, 12, 25])
+def test_the_tiny_model_measures_a_shift(shift):
+    left, right, truth = constant_pair(1, (96, 160), shift)
+    views = [view.transpose(2, 0, 1)[None].copy() for view in (left, right)]
+    disparity, confidence = ort.InferenceSession(FILE).run(None, {"left": views[0], "right": views[1]})
+    assert disparity.shape == (1, 1, 24, 40)
+    matched = slice(shift // 4 + 3, None)  # the band on the left has no match
+    error = np.abs(disparity[..., matched] - truth[0, 0])
+    assert np.median(error) < 0.05
+    assert error.mean() < 0.2
+    assert np.median(confidence[..., matched]) > 0.9

@@ -1,0 +1,156 @@
+import pytest
+import torch
+from torch import nn
+
+from endosdk.errors import InvalidArgument
+from endosdk.training.networks import NETWORKS, build_network
+from endosdk.training.networks.base import Window
+from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
+from endosdk.training.networks.cost_volume import Aggregation, PlaneAggregation, difference_volume, soft_argmin
+
+
+def views(height=64, width=128, pairs=2, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    return [torch.rand((pairs, 3, height, width), generator=generator) * 255 for _ in range(2)]
+
+
+def shaken(network):
+    """Give every weight and statistic a value, as training would, the refinement's zeros too."""
+    generator = torch.Generator().manual_seed(3)
+    with torch.no_grad():
+        for module in network.modules():
+            if isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d):
+                module.running_mean.normal_(0.0, 0.2, generator=generator)
+                module.running_var.uniform_(0.5, 1.5, generator=generator)
+                module.weight.uniform_(0.7, 1.3, generator=generator)
+                module.bias.normal_(0.0, 0.2, generator=generator)
+        network.refinement[-1].weight.normal_(0.0, 0.05, generator=generator)
+    return network.eval()
+
+
+def convolutions(network):
+    return [module for module in network.modules() if isinstance(module, nn.Conv2d | nn.Conv3d)]
+
+
+def test_wang2020_has_the_layers_of_the_paper():
+    network = build_network("wang2020")
+    kernels = {
+        part: [tuple(layer.weight.shape) for layer in convolutions(getattr(network, part))]
+        for part in ("down", "features", "aggregation", "refinement")
+    }
+    assert kernels["down"] == [(32, 3, 5, 5), (32, 32, 5, 5), (32, 32, 5, 5)]
+    assert kernels["features"] == [(32, 32, 3, 3)] * 7
+    assert kernels["aggregation"] == [(32, 32, 3, 3, 3)] * 4 + [(1, 32, 3, 3, 3)]
+    assert kernels["refinement"] == [(32, 4, 3, 3)] + [(32, 32, 3, 3)] * 6 + [(1, 32, 3, 3)]
+    assert len(convolutions(network)) == 23
+    assert [layer.dilation[0] for layer in convolutions(network.refinement)] == [1, 1, 2, 4, 8, 1, 1, 1]
+    assert [layer.stride[0] for layer in convolutions(network.down)] == [2, 2, 2]
+
+
+def test_fast_is_small():
+    assert 0.15e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.2e6
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_maps_have_the_promised_sizes(name):
+    network = shaken(build_network(name))
+    left, right = views()
+    with torch.no_grad():
+        coarse, both = network(left, right, refined=False), network(left, right)
+    stride = network.output_stride
+    shape = (2, 1, 64 // stride, 128 // stride)
+    assert [m.shape for m in coarse.disparities] == [shape]
+    assert [m.shape for m in both.disparities] == [shape, shape]
+    assert torch.equal(coarse.disparities[0], both.disparities[0])
+    for found in both.disparities:
+        assert found.min() >= 0
+    assert coarse.disparities[0].max() <= network.max_disparity - 8
+    confidence = network.confidence(both.evidence)
+    assert confidence.shape == shape
+    assert 0 <= confidence.min() <= confidence.max() <= 1
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_an_untrained_refinement_changes_nothing(name):
+    torch.manual_seed(0)
+    found = build_network(name)(*views()).disparities
+    torch.testing.assert_close(found[0], found[1])
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_a_window_gives_the_same_refinement_away_from_its_border(name):
+    network = shaken(build_network(name))
+    left, right = views(96, 192)
+    window, margin = Window(16, 40, 72, 120), 24 if name == "wang2020" else 32
+    with torch.no_grad():
+        whole, part = network(left, right), network(left, right, window=window)
+    assert torch.equal(whole.disparities[0], part.disparities[0])
+    stride = network.output_stride
+    inner = slice(margin // stride, -margin // stride)
+    expected = window.of(whole.disparities[1], stride)[..., inner, inner]
+    torch.testing.assert_close(part.disparities[1][..., inner, inner], expected, atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_the_export_form_computes_the_same(name):
+    network = shaken(build_network(name, max_disparity=32))
+    form = network.export_form()
+    left, right = views()
+    with torch.no_grad():
+        expected, found = network(left, right), form(left, right)
+    for a, b in zip(expected.disparities, found.disparities, strict=True):
+        torch.testing.assert_close(a, b, atol=3e-4, rtol=0)
+    assert not any(isinstance(m, nn.BatchNorm2d | nn.BatchNorm3d | nn.Conv3d) for m in form.modules())
+    assert any(isinstance(m, nn.Conv3d) for m in network.modules())
+
+
+def test_planes_need_folded_batch_norm():
+    with pytest.raises(InvalidArgument, match="folded"):
+        PlaneAggregation(Aggregation(4, layers=1, slope=0.1))
+    with pytest.raises(InvalidArgument, match="evaluation"):
+        fold_batch_norm(nn.Sequential(ConvNorm(1, 1)))
+
+
+def test_the_difference_volume_vanishes_at_the_true_shift():
+    features = torch.randn(1, 4, 3, 20, generator=torch.Generator().manual_seed(0))
+    left = torch.roll(features, 5, dims=3)
+    volume = difference_volume(left, features, 9)
+    assert volume.shape == (1, 4, 9, 3, 20)
+    assert torch.count_nonzero(volume[:, :, 5, :, 5:]) == 0
+    assert torch.equal(volume[:, :, 5, :, :5], left[..., :5])
+    assert torch.equal(volume[:, :, 0], left - features)
+
+
+def test_the_volume_may_have_more_planes_than_columns():
+    features = torch.ones(1, 1, 2, 3)
+    volume = difference_volume(features, features, 6)
+    assert torch.equal(volume[0, 0, :, 0], torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]] + [[1.0, 1, 1]] * 3))
+
+
+def test_soft_argmin_of_certain_answers_has_no_excess():
+    cost = torch.full((1, 1, 2, 5), 80.0)
+    cost[0, 0, 0, 3] = 0.0  # exactly plane 3
+    cost[0, 0, 1, 1:3] = 0.0  # half way between planes 1 and 2
+    found = soft_argmin(cost)
+    torch.testing.assert_close(found.disparity[0, 0, 0], torch.tensor([3.0, 1.5]))
+    torch.testing.assert_close(found.excess[0, 0, 0], torch.zeros(2), atol=1e-5, rtol=0)
+
+
+def test_soft_argmin_of_a_doubtful_answer_has_excess():
+    cost = torch.full((1, 1, 1, 5), 80.0)
+    cost[..., 0] = cost[..., 4] = 0.0  # either end: mean 2, variance 4
+    found = soft_argmin(cost)
+    assert found.disparity.item() == pytest.approx(2.0)
+    assert found.excess.item() == pytest.approx(4.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("value", [0, -8, 70])
+@pytest.mark.parametrize("name", sorted(NETWORKS))
+def test_the_range_is_a_multiple_of_eight(name, value):
+    with pytest.raises(InvalidArgument, match="multiple of 8"):
+        build_network(name, max_disparity=value)
+
+
+def test_an_unknown_network_names_the_choices():
+    with pytest.raises(InvalidArgument, match="wang2020"):
+        build_network("wang2021")

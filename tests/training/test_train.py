@@ -1,0 +1,175 @@
+import csv
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from endosdk.dataset import open_dataset
+from endosdk.errors import InvalidArgument
+from endosdk.training import checkpoint
+from endosdk.training.config import TrainConfig
+from endosdk.training.evaluate import mean_errors, pad_to_multiple
+from endosdk.training.networks import build_network
+from endosdk.training.train import split_pairs, train
+
+SHORT = {"network": "fast", "crop": (64, 128), "batch": 2, "held_out": 2, "log_every": 1, "precision": "fp32"}
+
+
+def settings(root, **changes):
+    return TrainConfig(data=str(root), **{**SHORT, **changes})
+
+
+def weights(run):
+    return checkpoint.load(run).network
+
+
+def test_the_papers_network_learns_to_match(dataset_root, tmp_path):
+    """Random weights know only the mean; a hundred steps later it has to see disparity."""
+    config = settings(
+        dataset_root,
+        network="wang2020",
+        max_disparity=40,
+        crop=(64, 160),
+        steps=180,
+        refine_from_step=160,
+        refine_crop=(32, 96),
+        validate_every=1000,
+        final_rate=2e-4,
+    )
+    run = train(config, tmp_path)
+    reader = open_dataset(dataset_root, "test")
+    truth = np.concatenate([sample.disparity.ravel() for sample in reader])
+    constant_guess = float(np.abs(truth - np.median(truth)).mean())
+    torch.manual_seed(0)
+    before = mean_errors(build_network("wang2020", 40), reader, range(2), refined=True)["epe_refined"]
+    after = mean_errors(checkpoint.load(run).build(), reader, range(2), refined=True)
+    assert after["epe_refined"] < 0.5 * min(before, constant_guess)
+    assert after["epe_coarse"] < 0.5 * constant_guess
+
+
+def test_a_resumed_run_equals_one_that_never_stopped(dataset_root, tmp_path):
+    straight = settings(dataset_root, steps=6, refine_from_step=3, validate_every=3)
+    train(straight, tmp_path / "straight")
+    # The rate depends on the planned length, so the first half is cut off rather than planned shorter.
+    interrupted = tmp_path / "interrupted"
+    with pytest.raises(KeyboardInterrupt):
+        _train_until(straight, interrupted, stop_at=4)
+    assert checkpoint.load(interrupted).step == 4
+    train(straight, interrupted, resume=True)
+    for name, value in weights(tmp_path / "straight").items():
+        torch.testing.assert_close(weights(interrupted)[name], value, atol=1e-6, rtol=1e-5)
+    logs = [(tmp_path / run / "log.csv").read_text().splitlines() for run in ("straight", "interrupted")]
+    assert [line.split(",")[0] for line in logs[0]] == [line.split(",")[0] for line in logs[1]]
+
+
+def _train_until(config, out, stop_at):
+    from endosdk.training import train as module
+
+    class Interrupted(module.Run):
+        def _train_step(self, *args):
+            if self.step == stop_at:
+                raise KeyboardInterrupt
+            return super()._train_step(*args)
+
+    original, module.Run = module.Run, Interrupted
+    try:
+        module.train(config, out)
+    finally:
+        module.Run = original
+
+
+def test_the_logs_tell_the_run(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=4, refine_from_step=2, validate_every=2), tmp_path)
+    with (tmp_path / "log.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["step"]) for row in rows] == [1, 2, 3, 4]
+    assert [bool(row["epe_refined"]) for row in rows] == [False, False, True, True]
+    assert all(float(row["loss"]) > 0 for row in rows)
+    log = json.loads((tmp_path / "log.json").read_text())
+    assert log["config"]["steps"] == 4
+    assert log["dataset"]["sha256"] == open_dataset(dataset_root, "train").sha256
+    assert [entry["step"] for entry in log["validation"]] == [2, 4]
+    assert "epe_refined" in log["validation"][1]
+
+
+def test_the_coarse_stage_alone_leaves_the_refinement_untouched(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2, refine_from_step=2), tmp_path)
+    torch.manual_seed(0)
+    fresh = build_network("fast").state_dict()
+    for name, value in weights(tmp_path).items():
+        same = torch.equal(value, fresh[name])
+        if name.startswith("refinement."):
+            assert same, name
+        elif name.endswith("conv.weight"):
+            assert not same, name
+
+
+def test_another_run_can_be_the_start(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2), tmp_path / "first")
+    train(
+        settings(dataset_root, steps=1, init_from=str(tmp_path / "first"), rate=1e-9, final_rate=1e-9), tmp_path / "b"
+    )
+    first, second = weights(tmp_path / "first"), weights(tmp_path / "b")
+    torch.testing.assert_close(first["stem.conv.weight"], second["stem.conv.weight"], atol=1e-7, rtol=0)
+    assert checkpoint.load(tmp_path / "b").state["init"]["steps"] == 2
+    with pytest.raises(InvalidArgument, match="fast/72"):
+        train(settings(dataset_root, init_from=str(tmp_path / "first"), max_disparity=48), tmp_path / "c")
+
+
+def test_a_run_is_not_overwritten(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=1), tmp_path)
+    with pytest.raises(InvalidArgument, match="resumed"):
+        train(settings(dataset_root, steps=1), tmp_path)
+
+
+def test_bf16_trains_too(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2, precision="bf16"), tmp_path)
+    assert all(torch.isfinite(value).all() for value in weights(tmp_path).values())
+    assert all(value.dtype != torch.bfloat16 for value in weights(tmp_path).values())
+
+
+def test_held_out_pairs_are_not_trained_on(dataset_root):
+    reader = open_dataset(dataset_root, "train")
+    assert split_pairs(reader, settings(dataset_root, held_out=3)) == (list(range(7)), [7, 8, 9])
+    assert split_pairs(reader, settings(dataset_root, train_pairs=4)) == ([0, 1, 2, 3], [8, 9])
+    with pytest.raises(InvalidArgument, match="held_out"):
+        split_pairs(reader, settings(dataset_root, held_out=10))
+
+
+def test_padding_repeats_the_border():
+    image = torch.arange(12.0).reshape(1, 1, 3, 4)
+    padded = pad_to_multiple(image, 8)
+    assert padded.shape == (1, 1, 8, 8)
+    assert torch.equal(padded[..., :3, :4], image)
+    assert torch.equal(padded[0, 0, 5], torch.tensor([8.0, 9, 10, 11, 11, 11, 11, 11]))
+    assert pad_to_multiple(padded, 8).shape == (1, 1, 8, 8)
+
+
+TWO_PROCESSES = """
+import sys, torch
+from pathlib import Path
+from endosdk.training.config import TrainConfig
+from endosdk.training.train import train
+torch.set_num_threads(1)
+config = TrainConfig(data=sys.argv[1], network="fast", crop=(64, 128), batch=1, held_out=2, steps=3, refine_from_step=1,
+                     validate_every=2, device="cpu")
+train(config, Path(sys.argv[2]))
+"""
+
+
+def test_two_processes_train_one_network(dataset_root, tmp_path):
+    script = tmp_path / "two.py"
+    script.write_text(TWO_PROCESSES)
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(script)]
+    done = subprocess.run(
+        [*command, str(dataset_root), str(tmp_path / "run")], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    trained = checkpoint.load(tmp_path / "run")
+    assert trained.step == 3
+    # Alone, with the same number of pairs per step, the losses agree but for the statistics of the batch norm.
+    torch.manual_seed(0)
+    assert not torch.equal(trained.network["stem.conv.weight"], build_network("fast").state_dict()["stem.conv.weight"])
