@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from endosdk import _core
 from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
 
 FORMAT_VERSION = "1"
@@ -98,9 +97,8 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
 
 
 def _shipped_folder() -> Path:
-    # Models are installed beside the compiled module, which is the one file whose place is the same in a wheel and
-    # in an editable install.
-    return Path(_core.__file__).parent / "_models"
+    # Copied into a wheel; a link to the repository's models/ in an editable install.
+    return Path(__file__).parent / "_models"
 
 
 def _manifest(folder: Path) -> dict[str, dict[str, str]]:

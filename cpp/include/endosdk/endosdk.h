@@ -1,0 +1,257 @@
+/* endosdk: depth from a stereo endoscope, frame by frame. The C interface (C11) of libendosdk.
+
+A complete program, for a rig whose frames are already rectified:
+
+    #include <endosdk/endosdk.h>
+    #include <stdio.h>
+    #include <stdlib.h>
+
+    static uint8_t left_pixels[720 * 960 * 3], right_pixels[720 * 960 * 3];
+    static float disparity[720 * 960], confidence[720 * 960];
+
+    int main(void) {
+        endo_options options;
+        endo_options_init(&options, sizeof options);
+        endo_estimator *estimator = NULL;
+        if (endo_open_file("wang2020.onnx", &options, &estimator) != ENDO_OK) {
+            fprintf(stderr, "%s\n", endo_last_error());
+            return EXIT_FAILURE;
+        }
+        endo_prepare(estimator, 960, 720);
+        endo_image left = {sizeof left, ENDO_RGB8, left_pixels, 960, 720, 0};
+        endo_image right = {sizeof right, ENDO_RGB8, right_pixels, 960, 720, 0};
+        endo_result result = {.struct_size = sizeof result, .capacity = 960 * 720,
+                              .disparity = disparity, .confidence = confidence};
+        while (fread(left_pixels, sizeof left_pixels, 1, stdin) == 1 &&
+               fread(right_pixels, sizeof right_pixels, 1, stdin) == 1) {
+            if (endo_predict(estimator, &left, &right, &result) != ENDO_OK) {
+                fprintf(stderr, "%s\n", endo_last_error());
+            } else if (result.quality != ENDO_QUALITY_INVALID) {
+                printf("frame %d: %.1f px in the middle\n", (int)result.frame, disparity[360 * 960 + 480]);
+            }
+        }
+        endo_close(estimator);
+        return EXIT_SUCCESS;
+    }
+
+Ownership. Whatever you pass in stays yours and is not kept after the call, with two exceptions: the log function and its
+context must live until endo_close. Images are read and maps are written only during endo_predict. Strings returned by
+the library belong to it and must not be freed. An estimator is yours from endo_open_* to endo_close.
+
+Threads. Calls on one estimator may come from any thread and run one after the other; only endo_cancel does not wait.
+Two estimators work in parallel. endo_last_error belongs to the calling thread.
+
+Errors. A function that can fail returns a status, and endo_last_error() says which argument broke which rule with what
+value. A failed call leaves the estimator as it was, and usable. No exception and no abort leaves this library.
+
+Structs begin with struct_size, which you set to sizeof the struct: the library then knows which fields you know. Fields
+are only ever appended. A field that your library does not know must be zero, else the call is refused.
+
+Units: pixels, millimetres, milliseconds. Pixel (0, 0) is the centre of the first pixel. x_right = x_left - disparity.
+
+Networks and files: the library opens no socket, and no file but the model and ONNX Runtime's own library. */
+#ifndef ENDOSDK_H
+#define ENDOSDK_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(__GNUC__)
+#define ENDO_API __attribute__((visibility("default")))
+#else
+#define ENDO_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* One loaded model with its memory. */
+typedef struct endo_estimator endo_estimator;
+
+/* Numbers are shared with the Python package and never change; those missing here cannot come from this library. */
+typedef enum endo_status {
+    ENDO_OK = 0,
+    ENDO_INVALID_ARGUMENT = 1,
+    ENDO_INVALID_CALIBRATION = 2,        /* the numbers cannot describe a stereo rig */
+    ENDO_CALIBRATION_REQUIRED = 3,       /* depth or sigma was asked for without a calibration */
+    ENDO_CALIBRATION_SIZE_MISMATCH = 4,  /* the calibration is for frames of another size */
+    ENDO_MODEL_NOT_FOUND = 6,
+    ENDO_MODEL_UNREADABLE = 7,           /* no ONNX model that the runtime accepts */
+    ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself */
+    ENDO_MODEL_HASH_MISMATCH = 9,        /* not the bytes that options.model_sha256 asks for */
+    ENDO_RUNTIME_MISSING = 10,           /* no ONNX Runtime of version 1.21 or later */
+    ENDO_PROVIDER_UNAVAILABLE = 12,      /* nothing falls back to another provider */
+    ENDO_INFERENCE_FAILED = 13,
+    ENDO_CANCELLED = 18,
+    ENDO_OUT_OF_MEMORY = 19,
+    ENDO_SELF_TEST_FAILED = 20,
+    ENDO_INTERNAL = 21                   /* a bug: please report it with endo_get_diagnostics */
+} endo_status;
+
+/* ---- Library ---- */
+
+/* Version of the library, such as "0.1.0". */
+ENDO_API const char *endo_version(void);
+
+/* How the library was built, as JSON: version, commit, compiler, flags, instruction sets. */
+ENDO_API const char *endo_build_info(void);
+
+/* Name of a status, such as "INVALID_ARGUMENT". */
+ENDO_API const char *endo_status_name(endo_status status);
+
+/* What went wrong in this thread's last failed call; valid until its next failed call. */
+ENDO_API const char *endo_last_error(void);
+
+/* ---- Opening ---- */
+
+typedef enum endo_log_level { ENDO_LOG_ERROR = 1, ENDO_LOG_WARNING = 2, ENDO_LOG_INFO = 3 } endo_log_level;
+
+/* Receives one line without a newline, from any thread; it must not call the library. No log holds pixels. */
+typedef void (*endo_log_function)(void *context, int32_t level, const char *message);
+
+typedef struct endo_options {
+    uint32_t struct_size;
+    int32_t threads;             /* processor threads per stage, 1 to 256; 0: as many as cores, at most 8 */
+    int32_t spinning;            /* 1: waiting network threads poll (default); 0: they sleep, for less power */
+    int32_t log_level;           /* the least severe endo_log_level that is logged; default ENDO_LOG_WARNING */
+    const char *provider;        /* "cpu" (default, also NULL), "cuda", "tensorrt" or an ONNX Runtime provider name */
+    const char *runtime_library; /* path of libonnxruntime; NULL: see docs/c-library.md for where it is looked for */
+    const char *model_sha256;    /* 64 hexadecimal digits that the model's bytes must hash to; NULL: any model */
+    endo_log_function log;       /* NULL: silence */
+    void *log_context;           /* handed to log */
+    int32_t network_width;       /* size the network works at; 0: that of the frames. Smaller is faster and finds */
+    int32_t network_height;      /* larger disparities; maps keep the size of the frames */
+    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.3 */
+    double min_depth_mm;         /* depth outside the range is no answer; default 0 */
+    double max_depth_mm;         /* default infinity */
+    double depth_unit_mm;        /* one step of depth_u16; default 0.1 */
+    double deadline_ms;          /* a frame that takes longer is marked late; 0 (default): none is */
+} endo_options;
+
+/* Fill options with the defaults; struct_size is sizeof(endo_options). */
+ENDO_API endo_status endo_options_init(endo_options *options, size_t struct_size);
+
+/* Load a model file. options may be NULL; on failure *estimator is NULL. */
+ENDO_API endo_status endo_open_file(const char *path, const endo_options *options, endo_estimator **estimator);
+
+/* Load a model from memory, for instance one you decrypted; the bytes may be freed afterwards. */
+ENDO_API endo_status endo_open_memory(const void *data, size_t size, const endo_options *options,
+                                      endo_estimator **estimator);
+
+/* Free everything; NULL is allowed. No other call on this estimator may be running. */
+ENDO_API void endo_close(endo_estimator *estimator);
+
+/* ---- Calibration ---- */
+
+typedef enum endo_camera_model { ENDO_PINHOLE = 0, ENDO_FISHEYE = 1 } endo_camera_model;
+
+/* A rig by OpenCV's conventions. right_point = rotation * left_point + translation; matrices are row by row. */
+typedef struct endo_calibration {
+    uint32_t struct_size;
+    int32_t camera_model;             /* endo_camera_model of both cameras */
+    int32_t width;                    /* of the raw frames */
+    int32_t height;
+    int32_t left_distortion_count;    /* pinhole: 0, 4, 5 or 8 (k1 k2 p1 p2 k3 k4 k5 k6); fisheye: 0 or 4 */
+    int32_t right_distortion_count;
+    double left_matrix[9];            /* fx 0 cx, 0 fy cy, 0 0 1 */
+    double right_matrix[9];
+    double left_distortion[8];
+    double right_distortion[8];
+    double rotation[9];
+    double translation[3];            /* mm; x is negative: the right camera is on the right */
+} endo_calibration;
+
+/* Of the pictures that maps belong to: depth = focal_px * baseline_mm / (disparity + doffs). */
+typedef struct endo_geometry {
+    uint32_t struct_size;
+    int32_t rectifies;                /* 1: raw frames are rectified inside; 0: the rig is rectified already */
+    double focal_px;
+    double baseline_mm;
+    double cx;                        /* principal point of the left view */
+    double cy;
+    double doffs;                     /* right cx minus left cx */
+} endo_geometry;
+
+/* Set the rig, or remove it with NULL: frames must then be rectified and there is no depth. Next, endo_prepare. */
+ENDO_API endo_status endo_set_calibration(endo_estimator *estimator, const endo_calibration *calibration);
+
+/* Read the geometry of the rectified pair; fails without a calibration. */
+ENDO_API endo_status endo_get_geometry(endo_estimator *estimator, endo_geometry *geometry);
+
+/* ---- Frames ---- */
+
+typedef enum endo_pixel_format { ENDO_RGB8 = 0, ENDO_BGR8 = 1, ENDO_GRAY8 = 2 } endo_pixel_format;
+
+typedef struct endo_image {
+    uint32_t struct_size;
+    int32_t format;                   /* endo_pixel_format, channels interleaved */
+    const uint8_t *data;              /* first pixel of the top row */
+    int32_t width;
+    int32_t height;
+    int64_t stride;                   /* bytes from a row to the next, negative for bottom-up frames; 0: rows are tight */
+} endo_image;
+
+/* Why a pixel has no answer: bits of endo_result.reasons. */
+typedef enum endo_reason {
+    ENDO_REASON_LOW_CONFIDENCE = 1,   /* the network does not trust its own answer */
+    ENDO_REASON_OCCLUDED = 2,         /* a nearer surface covers the match in the right view */
+    ENDO_REASON_OUTSIDE_OVERLAP = 4,  /* only one camera sees the point */
+    ENDO_REASON_OUT_OF_RANGE = 8,     /* no finite positive depth, or outside the range of the options */
+    ENDO_REASON_SATURATED = 16        /* glare: all colours of the left view are blown out */
+} endo_reason;
+
+/* One word on a whole frame, from the share of pixels that have an answer. */
+typedef enum endo_quality {
+    ENDO_QUALITY_OK = 0,              /* at least half */
+    ENDO_QUALITY_DEGRADED = 1,        /* less than half */
+    ENDO_QUALITY_INVALID = 2          /* less than a twentieth, or the call failed: do not use this frame */
+} endo_quality;
+
+/* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it.
+   When endo_predict fails after it accepted this struct, every pixel reads as one without an answer. */
+typedef struct endo_result {
+    uint32_t struct_size;
+    int32_t quality;                  /* out: endo_quality */
+    uint64_t capacity;                /* in: pixels that each map can hold, at least width * height */
+    float *disparity;                 /* px of the frames, dense: also where reasons are set */
+    float *confidence;                /* probability that the disparity is right to a pixel of the network's grid */
+    float *depth;                     /* mm along the optical axis; NaN where reasons are set */
+    float *sigma;                     /* expected standard error of depth, mm; NaN as depth */
+    uint8_t *reasons;                 /* endo_reason bits; 0: the pixel has an answer */
+    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px, 0 where reasons are set, at most 65535 */
+    uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm, 0 where reasons are set, at most 65535 */
+    uint64_t frame;                   /* out: counts the frames of this estimator from 1; 0 when the call failed */
+    double valid_share;               /* out: share of pixels that have an answer */
+    double rectify_ms;                /* out: time of each stage */
+    double session_ms;
+    double postprocess_ms;
+    int32_t late;                     /* out: 1 when the stages together took longer than options.deadline_ms */
+    int32_t reserved;                 /* leave 0 */
+} endo_result;
+
+/* Allocate for frames of this size and run once, so that the first real frame is as fast as the others. */
+ENDO_API endo_status endo_prepare(endo_estimator *estimator, int32_t width, int32_t height);
+
+/* Compute the maps of one pair. A new frame size is prepared first. */
+ENDO_API endo_status endo_predict(endo_estimator *estimator, const endo_image *left, const endo_image *right,
+                                  endo_result *result);
+
+/* Copy the latest pair as the network saw it, tight RGB rows at the network's size; NULL: not wanted. */
+ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
+
+/* Make the endo_predict or endo_prepare that is running, if any, return ENDO_CANCELLED soon. From any thread. */
+ENDO_API endo_status endo_cancel(endo_estimator *estimator);
+
+/* Run a built-in pair of known disparity through the loaded model twice and check answer and repeatability. */
+ENDO_API endo_status endo_self_test(endo_estimator *estimator);
+
+/* Write versions, hashes, settings, frame counts and latencies as JSON into buffer, and the size it needs, with the
+   final zero byte, into *needed. Either may be NULL; a buffer that is too small is an error and left empty. */
+ENDO_API endo_status endo_get_diagnostics(endo_estimator *estimator, char *buffer, size_t size, size_t *needed);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
