@@ -123,6 +123,10 @@ def test_a_run_is_not_overwritten(dataset_root, tmp_path):
     train(settings(dataset_root, steps=1), tmp_path)
     with pytest.raises(InvalidArgument, match="resumed"):
         train(settings(dataset_root, steps=1), tmp_path)
+    with pytest.raises(InvalidArgument, match="resumed"):
+        train(settings(dataset_root, steps=1, init_from=str(tmp_path)), tmp_path)
+    with pytest.raises(InvalidArgument, match="optimiser"):
+        train(settings(dataset_root, steps=2, optimiser="adamw"), tmp_path, resume=True)
 
 
 def test_bf16_trains_too(dataset_root, tmp_path):
@@ -152,24 +156,32 @@ TWO_PROCESSES = """
 import sys, torch
 from pathlib import Path
 from endosdk.training.config import TrainConfig
-from endosdk.training.train import train
+from endosdk.training.train import Run, process_group
 torch.set_num_threads(1)
 config = TrainConfig(data=sys.argv[1], network="fast", crop=(64, 128), batch=1, held_out=2, steps=3, refine_from_step=1,
                      validate_every=2, device="cpu")
-train(config, Path(sys.argv[2]))
+out = Path(sys.argv[2])
+with process_group() as (rank, world):
+    run = Run(config, out, rank, world)
+    run.fit()
+    total = sum(p.double().abs().sum().item() for p in run.network.parameters())
+    (out / f"rank{rank}").write_text(f"{world} {total!r}")
 """
 
 
 def test_two_processes_train_one_network(dataset_root, tmp_path):
-    script = tmp_path / "two.py"
+    script, out = tmp_path / "two.py", tmp_path / "run"
     script.write_text(TWO_PROCESSES)
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(script)]
-    done = subprocess.run(
-        [*command, str(dataset_root), str(tmp_path / "run")], capture_output=True, text=True, timeout=120
-    )
+    done = subprocess.run([*command, str(dataset_root), str(out)], capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr
-    trained = checkpoint.load(tmp_path / "run")
+    # Each process saw other pairs; that both hold the same weights shows that gradients were shared.
+    reports = [(out / f"rank{rank}").read_text() for rank in (0, 1)]
+    assert reports[0] == reports[1]
+    assert reports[0].startswith("2 ")
+    trained = checkpoint.load(out)
     assert trained.step == 3
-    # Alone, with the same number of pairs per step, the losses agree but for the statistics of the batch norm.
+    total = sum(trained.network[name].double().abs().sum().item() for name, _ in trained.build().named_parameters())
+    assert total == pytest.approx(float(reports[0].split()[1]))
     torch.manual_seed(0)
     assert not torch.equal(trained.network["stem.conv.weight"], build_network("fast").state_dict()["stem.conv.weight"])

@@ -1,7 +1,7 @@
 """Pairs with exact truth and no renderer: textured layers seen through smooth random disparity.
 
-The tests learn from them. ``python -m tests.training.warped_scenes FOLDER --pairs 200`` writes a data set of them, which
-serves as a warm start where rendered data is scarce: matching is learned before tissue is.
+The tests learn from them. ``python -m tests.training.warped_scenes FOLDER --pairs 200`` writes a data set of them: a
+warm start where rendered data is scarce, for matching is learned before tissue is.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False) -> Path:
     With ``resume`` the run in ``out`` goes on where its checkpoint ends; the settings may differ from those it began
     with (more steps, another rate). Under torchrun every process calls this with the same arguments.
     """
-    with _process_group() as (rank, world):
+    with process_group() as (rank, world):
         run = Run(config, out, rank, world, resume=resume)
         try:
             run.fit()
@@ -79,10 +79,10 @@ class Run:
             self._start_log(resume)
 
     def _restore(self, resume: bool) -> checkpoint.Checkpoint | None:
+        if not resume and (self.out / checkpoint.LAST).exists():
+            raise InvalidArgument("out", "must not hold another run unless it is resumed", self.out)
         source = self.out if resume else self.config.init_from
         if source is None:
-            if (self.out / checkpoint.LAST).exists():
-                raise InvalidArgument("out", "must not hold another run unless it is resumed", self.out)
             return None
         saved = checkpoint.load(Path(source))
         if (saved.config.network, saved.config.max_disparity) != (self.config.network, self.config.max_disparity):
@@ -93,6 +93,8 @@ class Run:
             )
         self.network.load_state_dict(saved.network)
         if resume:
+            if saved.config.optimiser != self.config.optimiser:
+                raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
             self.step, self.seconds = saved.step, float(saved.state["seconds"])
             self.history, self.origin = saved.state["history"], saved.state["init"]
         else:
@@ -277,7 +279,7 @@ def _channels_last(network: nn.Module) -> None:
             module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
-class _process_group:
+class process_group:
     """Join the processes that torchrun started, and leave them at the end; alone when there are none."""
 
     def __enter__(self) -> tuple[int, int]:
