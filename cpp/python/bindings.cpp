@@ -89,8 +89,9 @@ ImageView image_view(const py::array& array, const char* name) {
   const bool flat = array.ndim() == 2;
   require(flat || array.ndim() == 3, name, "must have shape [height, width, channels]", shape_text(array));
   const int channels = flat ? 1 : side(array.shape(2), name);
-  const bool packed = (array.shape(1) <= 1 || array.strides(1) == channels) && (flat || channels <= 1 || array.strides(2) == 1);
-  require(packed, name, "pixels of a row must be contiguous", "other strides");
+  const bool packed = (array.shape(1) <= 1 || array.strides(1) == channels) &&
+                      (flat || channels <= 1 || array.strides(2) == 1);
+  require(packed || array.size() == 0, name, "pixels of a row must be contiguous", "other strides");
   return {static_cast<const uint8_t*>(array.data()), side(array.shape(1), name), side(array.shape(0), name), channels,
           array.strides(0)};
 }

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -23,7 +22,6 @@ struct Constants {
       bool prime = true;
       for (uint32_t d = 2; d * d <= n; ++d) prime = prime && n % d != 0;
       if (!prime) continue;
-      // A long double has 64 bits of mantissa on x86; the integer search makes the digits exact everywhere.
       if (count < start.size()) start[count] = fraction(n, 2);
       round[count++] = fraction(n, 3);
     }
@@ -31,7 +29,7 @@ struct Constants {
 
   // floor(2^32 * n^(1/power)) modulo 2^32, found bit by bit.
   static uint32_t fraction(uint32_t n, int power) {
-    using Wide = unsigned __int128;
+    __extension__ using Wide = unsigned __int128;
     uint64_t root = 0;
     for (int bit = 36; bit >= 0; --bit) {
       const uint64_t candidate = root | uint64_t{1} << bit;

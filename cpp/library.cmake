@@ -1,0 +1,77 @@
+# libendosdk: the C interface over the same core that the Python module uses, and the session on top.
+enable_language(C)
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+include(${PROJECT_SOURCE_DIR}/cmake/onnxruntime_headers.cmake)
+
+execute_process(
+  COMMAND git -C "${PROJECT_SOURCE_DIR}" rev-parse --short=12 HEAD
+  OUTPUT_VARIABLE ENDOSDK_COMMIT
+  OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+if(NOT ENDOSDK_COMMIT)
+  set(ENDOSDK_COMMIT unknown)
+endif()
+configure_file(src/build_info.cpp.in build_info.cpp @ONLY)
+
+add_library(
+  endosdk_objects OBJECT
+  src/capi.cpp
+  src/capi_structs.cpp
+  src/estimator.cpp
+  src/json.cpp
+  src/latency.cpp
+  src/maps.cpp
+  src/model.cpp
+  src/rectify_stage.cpp
+  src/rig.cpp
+  src/rig_content.cpp
+  src/rig_rules.cpp
+  src/runtime.cpp
+  src/self_test.cpp
+  src/session.cpp
+  src/session_interface.cpp
+  src/sha256.cpp
+  ${CMAKE_CURRENT_BINARY_DIR}/build_info.cpp)
+target_include_directories(endosdk_objects PUBLIC include src)
+target_include_directories(endosdk_objects SYSTEM PUBLIC ${ONNXRUNTIME_INCLUDE_DIR})
+target_link_libraries(endosdk_objects PUBLIC endosdk_core ${CMAKE_DL_LIBS} PRIVATE endosdk_flags)
+
+if(BUILD_SHARED_LIBS)
+  add_library(endosdk SHARED $<TARGET_OBJECTS:endosdk_objects>)
+  target_link_libraries(endosdk PRIVATE endosdk_core ${CMAKE_DL_LIBS} endosdk_flags)
+  set(export_map ${CMAKE_CURRENT_SOURCE_DIR}/endosdk.map)
+  target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map} LINKER:--exclude-libs,ALL)
+  if(NOT ENDOSDK_SANITIZE) # a sanitizer's own functions are found in the program
+    target_link_options(endosdk PRIVATE LINKER:-z,defs)
+  endif()
+  set_target_properties(endosdk PROPERTIES LINK_DEPENDS ${export_map})
+  set(ENDOSDK_PC_STATIC "")
+else()
+  # One archive with everything, so that a vendor links one file.
+  get_target_property(core_objects endosdk_core ENDOSDK_KERNEL_OBJECTS)
+  add_library(endosdk STATIC $<TARGET_OBJECTS:endosdk_objects> $<TARGET_OBJECTS:endosdk_core> ${core_objects})
+  target_link_libraries(endosdk PUBLIC Threads::Threads ${CMAKE_DL_LIBS})
+  set(ENDOSDK_PC_STATIC " -lstdc++ -lm -lpthread -ldl")
+endif()
+add_library(endosdk::endosdk ALIAS endosdk)
+target_include_directories(endosdk INTERFACE $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>
+                                             $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+# The number behind the name changes only when a program built against an older release would no longer run. Release
+# 0.1 is age 0; fields and functions that are added do not count.
+set_target_properties(endosdk PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION 0)
+
+install(TARGETS endosdk EXPORT endosdkTargets COMPONENT sdk)
+install(DIRECTORY include/endosdk TYPE INCLUDE COMPONENT sdk)
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE TYPE DOC COMPONENT sdk)
+set(config_folder ${CMAKE_INSTALL_LIBDIR}/cmake/endosdk)
+install(EXPORT endosdkTargets NAMESPACE endosdk:: DESTINATION ${config_folder} COMPONENT sdk)
+configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/endosdkConfig.cmake.in endosdkConfig.cmake
+                              INSTALL_DESTINATION ${config_folder})
+# While the first number is 0, a release promises only to work with programs built against the same second number.
+write_basic_package_version_file(endosdkConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/endosdkConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/endosdkConfigVersion.cmake
+        DESTINATION ${config_folder} COMPONENT sdk)
+set(pc_folder ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+file(RELATIVE_PATH ENDOSDK_PC_TO_PREFIX /${pc_folder} /)
+configure_file(${PROJECT_SOURCE_DIR}/cmake/endosdk.pc.in endosdk.pc @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/endosdk.pc DESTINATION ${pc_folder} COMPONENT sdk)

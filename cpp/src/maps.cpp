@@ -1,0 +1,56 @@
+#include "maps.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "threads.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr int pixels_per_block = 16384;
+
+void write_steps(const float* values, const uint8_t* reasons, int begin, int end, float steps, uint16_t* out) {
+  for (int i = begin; i < end; ++i) {
+    const float value = reasons[i] == 0 ? values[i] * steps + 0.5f : 0.0f;
+    out[i] = static_cast<uint16_t>(std::min(value, 65535.0f));
+  }
+}
+
+}  // namespace
+
+MapsOut SpareMaps::complete(const MapsOut& wanted) {
+  MapsOut all = wanted;
+  if (all.disparity == nullptr) all.disparity = disparity_.data();
+  if (all.confidence == nullptr) all.confidence = confidence_.data();
+  if (all.reasons == nullptr) all.reasons = reasons_.data();
+  if (all.depth == nullptr && all.depth_u16 != nullptr) all.depth = depth_.data();
+  return all;
+}
+
+void write_u16(const MapsOut& maps, size_t pixels, double depth_unit_mm) {
+  if (maps.disparity_u16 == nullptr && maps.depth_u16 == nullptr) return;
+  const float depth_steps = static_cast<float>(1.0 / depth_unit_mm);
+  const auto convert = [&](int begin, int end, int) {
+    if (maps.disparity_u16 != nullptr) {
+      write_steps(maps.disparity, maps.reasons, begin, end, 256.0f, maps.disparity_u16);
+    }
+    if (maps.depth_u16 != nullptr) write_steps(maps.depth, maps.reasons, begin, end, depth_steps, maps.depth_u16);
+  };
+  parallel_for(static_cast<int>(pixels), pixels_per_block, convert);
+}
+
+void write_no_answer(const MapsOut& maps, size_t pixels) {
+  const float nothing = std::numeric_limits<float>::quiet_NaN();
+  for (float* map : {maps.disparity, maps.depth, maps.sigma}) {
+    if (map != nullptr) std::fill_n(map, pixels, nothing);
+  }
+  if (maps.confidence != nullptr) std::fill_n(maps.confidence, pixels, 0.0f);
+  if (maps.reasons != nullptr) std::memset(maps.reasons, ENDO_REASON_LOW_CONFIDENCE, pixels);
+  for (uint16_t* map : {maps.disparity_u16, maps.depth_u16}) {
+    if (map != nullptr) std::fill_n(map, pixels, uint16_t{0});
+  }
+}
+
+}  // namespace endosdk

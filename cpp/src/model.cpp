@@ -1,0 +1,94 @@
+#include "model.hpp"
+
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+
+#include "json.hpp"
+#include "sha256.hpp"
+#include "status.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr const char* format_version = "1";
+
+std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
+
+void check_hash(ModelFile& model, const std::string& expected) {
+  model.sha256 = sha256(model.data.data(), model.data.size());
+  if (expected.empty()) return;
+  std::string wanted = expected;
+  for (char& c : wanted) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
+  const bool well_formed = wanted.size() == 64 && wanted.find_first_not_of("0123456789abcdef") == std::string::npos;
+  require(well_formed, ENDO_INVALID_ARGUMENT, "model_sha256", "must be 64 hexadecimal digits", in_quotes(expected));
+  require(wanted == model.sha256, ENDO_MODEL_HASH_MISMATCH, "model", model.origin + " must have SHA-256 " + wanted,
+          model.sha256);
+}
+
+std::string required(const MetadataLookup& lookup, const std::string& key) {
+  const std::optional<std::string> value = lookup("endosdk." + key);
+  require(value && !value->empty(), ENDO_MODEL_METADATA, "endosdk." + key,
+          "a model for endosdk must carry this metadata key", "nothing");
+  return *value;
+}
+
+int positive(const MetadataLookup& lookup, const std::string& key) {
+  const std::string text = required(lookup, key);
+  int number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  require(whole && number > 0, ENDO_MODEL_METADATA, "endosdk." + key, "must be a positive whole number", in_quotes(text));
+  return number;
+}
+
+}  // namespace
+
+ModelFile read_model(const std::string& path, const std::string& expected) {
+  const auto missing = [&](int error) {
+    fail(ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read", in_quotes(path) + ": " + std::strerror(error));
+  };
+  const std::unique_ptr<FILE, int (*)(FILE*)> file(std::fopen(path.c_str(), "rbe"), std::fclose);
+  if (!file) missing(errno);
+  struct stat status{};
+  if (fstat(fileno(file.get()), &status) != 0) missing(errno);
+  if (!S_ISREG(status.st_mode)) missing(EISDIR);
+  ModelFile model;
+  model.origin = path;
+  model.data.resize(static_cast<size_t>(status.st_size));
+  if (std::fread(model.data.data(), 1, model.data.size(), file.get()) != model.data.size()) missing(EIO);
+  check_hash(model, expected);
+  return model;
+}
+
+ModelFile copy_model(const void* data, size_t size, const std::string& expected) {
+  ModelFile model;
+  model.origin = "<memory>";
+  model.data.assign(static_cast<const char*>(data), static_cast<const char*>(data) + size);
+  check_hash(model, expected);
+  return model;
+}
+
+ModelInfo parse_metadata(const MetadataLookup& lookup) {
+  const std::string format = required(lookup, "format_version");
+  require(format == format_version, ENDO_MODEL_METADATA, "endosdk.format_version",
+          std::string("this release reads format ") + format_version, in_quotes(format));
+  const std::string order = required(lookup, "channel_order");
+  require(order == "rgb", ENDO_MODEL_METADATA, "endosdk.channel_order", "must be rgb", in_quotes(order));
+  require(is_json(required(lookup, "training")), ENDO_MODEL_METADATA, "endosdk.training", "must be JSON", "another text");
+  ModelInfo info;
+  info.name = required(lookup, "name");
+  info.version = required(lookup, "version");
+  info.input_multiple = positive(lookup, "input_multiple");
+  info.output_stride = positive(lookup, "output_stride");
+  info.max_disparity = positive(lookup, "max_disparity");
+  info.license = required(lookup, "license");
+  info.intended_use = required(lookup, "intended_use");
+  return info;
+}
+
+}  // namespace endosdk

@@ -1,0 +1,26 @@
+// A test is a function; CHECK ends the program with the place and the condition that failed.
+#pragma once
+
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+
+#define CHECK(condition)                                                          \
+  do {                                                                            \
+    if (!(condition)) {                                                           \
+      std::fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition);        \
+      std::exit(1);                                                               \
+    }                                                                             \
+  } while (false)
+
+// The text of the std::invalid_argument that `call` throws; empty if it throws none.
+template <typename Call>
+std::string rejection(Call call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return {};
+}

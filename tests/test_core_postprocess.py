@@ -1,0 +1,236 @@
+"""Full-size maps, reasons, depth and expected error against the numpy twin, in every instruction set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from endosdk import _core
+from tests import reference
+from tests.core_rigs import every_isa
+
+FOCAL, BASELINE = 640.0, 4.2
+
+
+@pytest.fixture(autouse=True)
+def restore_settings():
+    isa, threads = _core.isa(), _core.threads()
+    yield
+    _core.set_isa(isa)
+    _core.set_threads(threads)
+
+
+@dataclass
+class Frame:
+    """Inputs of one call, and what they are at full size."""
+
+    disparity: np.ndarray
+    confidence: np.ndarray
+    size: tuple[int, int]
+    stride: float
+
+    def run(self, **options) -> tuple[int, dict[str, np.ndarray]]:
+        height, width = self.size
+        out = {name: np.full((height, width), -7, np.float32) for name in ("disparity", "confidence", "depth", "sigma")}
+        out["reasons"] = np.full((height, width), 255, np.uint8)
+        arguments = {"image": None, "valid_left": None, "valid_right": None, "min_confidence": 0.4} | options
+        if "focal_px" in arguments:
+            arguments |= {"out_depth": out["depth"], "out_sigma": out["sigma"]}
+        usable = _core.postprocess(
+            self.disparity,
+            self.confidence,
+            1 / self.stride,
+            1 / self.stride,
+            self.stride,
+            out["disparity"],
+            out["confidence"],
+            out["reasons"],
+            **arguments,
+        )
+        return usable, out
+
+
+def tissue(height: int, width: int, stride: int, seed: int = 0) -> Frame:
+    """A slanted wall with a nearer fold, some pixels without trust, some that are no number or out of range."""
+    rng = np.random.default_rng(seed)
+    h, w = -(-height // stride), -(-width // stride)
+    y, x = np.mgrid[:h, :w]
+    disparity = (6 + 3 * x / w + 2 * y / h + rng.normal(0, 0.05, (h, w))) / stride * 2
+    disparity[h // 4 : h // 2, w // 2 : w // 2 + max(1, w // 5)] += 14 / stride
+    confidence = np.clip(rng.beta(4, 1.5, (h, w)), 0, 1)
+    flat = disparity.reshape(-1)
+    spots = rng.choice(flat.size, min(flat.size, 6), replace=False)
+    flat[spots] = np.array([np.nan, np.inf, -np.inf, 0.0, -1.0, 500.0])[: len(spots)]
+    confidence.reshape(-1)[spots[:2]] = [np.nan, 1.0][: len(spots[:2])]
+    return Frame(disparity.astype(np.float32), confidence.astype(np.float32), (height, width), float(stride))
+
+
+def masks(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    image = rng.integers(200, 256, (3, size[0] + 5, size[1] + 3)).astype(np.uint8)
+    image[:, size[0] // 3 : size[0] // 2, : size[1] // 2] = 252
+    left, right = np.ones((2, *size), np.uint8)
+    left[:, : size[1] // 12] = 0
+    right[:, size[1] - size[1] // 5 :] = 0
+    return {"image": image, "valid_left": left, "valid_right": right}
+
+
+SIZES = [(1, 1, 1), (2, 3, 1), (9, 130, 4), (40, 128, 8), (33, 257, 8), (31, 300, 1), (16, 500, 2)]
+
+
+@every_isa
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("metric", [False, True])
+@pytest.mark.parametrize("masked", [False, True])
+def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int], metric: bool, masked: bool) -> None:
+    frame = tissue(*size)
+    options = masks(frame.size, 1) if masked else {}
+    if metric:
+        options |= {"focal_px": FOCAL, "baseline_mm": BASELINE, "doffs": 1.5}
+        options |= {"min_depth_mm": 120.0, "max_depth_mm": 400.0}
+    _core.set_isa(isa)
+    _core.set_threads(threads)
+    usable, out = frame.run(**options)
+    check_against_twin(frame, usable, out, options)
+    _core.set_isa("plain")
+    _core.set_threads(1)
+    plain_usable, plain = frame.run(**options)
+    assert usable == plain_usable
+    for name, values in out.items():
+        np.testing.assert_array_equal(values.view(np.uint8), plain[name].view(np.uint8), err_msg=name)
+
+
+def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], options: dict) -> None:
+    for name, source, gain in (("disparity", frame.disparity, frame.stride), ("confidence", frame.confidence, 1.0)):
+        with np.errstate(invalid="ignore"):
+            twin = reference.resize_bilinear(source, *frame.size, 1 / frame.stride, 1 / frame.stride, gain)
+        numbers = np.isfinite(twin)
+        np.testing.assert_allclose(out[name][numbers], twin[numbers], rtol=2e-4, atol=1e-4)
+        assert not np.isfinite(out[name][~numbers]).any()
+    # From here on the twin starts from the very floats that came out, so that the bits must agree exactly.
+    metric = "focal_px" in options
+    doffs = options.get("doffs", 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.float32(FOCAL * BASELINE) / (out["disparity"] + np.float32(doffs))
+        bits = reference.reasons(
+            out["disparity"],
+            out["confidence"],
+            min_confidence=0.4,
+            **{name: options.get(name) for name in ("image", "valid_left", "valid_right")},
+            depth=depth if metric else None,
+            depth_range=(options.get("min_depth_mm", 0.0), options.get("max_depth_mm", np.inf)),
+            doffs=doffs,
+        )
+    np.testing.assert_array_equal(out["reasons"], bits)
+    assert usable == np.count_nonzero(bits == 0)
+    if not metric:
+        return
+    good = bits == 0
+    np.testing.assert_array_equal(out["depth"][good], depth[good])
+    assert np.isnan(out["depth"][~good]).all()
+    expected = reference.sigma(
+        depth[good].astype(float), out["confidence"][good], focal_baseline=FOCAL * BASELINE, gain=frame.stride
+    )
+    np.testing.assert_allclose(out["sigma"][good], expected, rtol=2e-6)
+    assert np.isnan(out["sigma"][~good]).all()
+
+
+def test_every_reason_occurs_in_the_test_scene() -> None:
+    frame = tissue(33, 257, 8)
+    options = masks(frame.size, 1) | {"focal_px": FOCAL, "baseline_mm": BASELINE, "min_depth_mm": 120.0}
+    _, out = frame.run(**options)
+    for bit in (1, 2, 4, 8, 16):
+        share = np.mean(out["reasons"] & bit != 0)
+        assert 0 < share < 0.9, bit
+    assert np.mean(out["reasons"] == 0) > 0.05
+
+
+@every_isa
+def test_sigma_over_the_whole_range_of_confidence(isa: str) -> None:
+    _core.set_isa(isa)
+    confidence = np.concatenate([np.geomspace(1e-9, 0.5, 4000), 1 - np.geomspace(1e-9, 0.5, 4000)])
+    confidence = np.concatenate([confidence, [0.0, 1.0]]).astype(np.float32)[None]
+    frame = Frame(np.full_like(confidence, 5), confidence, confidence.shape, 1.0)
+    usable, out = frame.run(min_confidence=0.0, focal_px=FOCAL, baseline_mm=BASELINE)
+    assert usable == confidence.size - 5  # the first five matches lie left of the right view
+    expected = reference.sigma(
+        np.float64(FOCAL * BASELINE / 5), confidence[:, 5:], focal_baseline=FOCAL * BASELINE, gain=1.0
+    )
+    np.testing.assert_allclose(out["sigma"][:, 5:], expected, rtol=2e-6)
+
+
+def test_hand_computed_pixel() -> None:
+    frame = Frame(np.full((1, 20), 8, np.float32), np.full((1, 20), 0.5, np.float32), (1, 20), 1.0)
+    usable, out = frame.run(focal_px=800.0, baseline_mm=5.0, doffs=2.0)
+    assert usable == 12
+    assert out["reasons"][0].tolist() == [4] * 8 + [0] * 12
+    assert out["depth"][0, 19] == pytest.approx(400.0)
+    # 400^2 / 4000 mm per px, times sqrt(2) / ln 2 px
+    assert out["sigma"][0, 19] == pytest.approx(40 * np.sqrt(2) / np.log(2), rel=1e-6)
+
+
+def test_occlusion_needs_more_than_one_pixel() -> None:
+    row = np.full(40, 5, np.float32)
+    row[20:25] = 6.0  # covers the match of the pixel before it by exactly one pixel: tolerated
+    frame = Frame(row[None], np.ones((1, 40), np.float32), (1, 40), 1.0)
+    assert not (frame.run()[1]["reasons"] & 2).any()
+    row[20:25] = 9.5
+    frame = Frame(row[None], np.ones((1, 40), np.float32), (1, 40), 1.0)
+    occluded = np.flatnonzero(frame.run()[1]["reasons"][0] & 2)
+    assert occluded.tolist() == [17, 18, 19]
+
+
+def full(shape: tuple[int, ...], dtype: type = np.float32) -> np.ndarray:
+    return np.zeros(shape, dtype)
+
+
+METRIC = {"out_depth": full((8, 12)), "focal_px": 100.0, "baseline_mm": 5.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"disparity": full((2, 3), np.float64)}, "disparity: must be float32; got float64"),
+        ({"disparity": full((0, 3))}, "disparity: must not be empty"),
+        ({"confidence": full((2, 4))}, "confidence: must have the size of disparity; got 4x2"),
+        ({"out_disparity": full((8, 0))}, "out_"),
+        ({"out_confidence": full((8, 11))}, "out_confidence: must have the shape of out_disparity; got (8, 11)"),
+        ({"out_reasons": full((8, 12))}, "out_reasons: must be uint8; got float32"),
+        ({"image": full((3, 7, 12), np.uint8)}, "image: must be at least 12x8; got 12x7"),
+        ({"image": full((8, 12, 3), np.uint8)}, "image: must have shape [3, height, width]"),
+        ({"valid_left": full((8, 11), np.uint8)}, "valid_left: must have the shape of out_disparity"),
+        ({"valid_right": full((8, 12), bool)}, "valid_right: must be uint8; got bool"),
+        ({"min_confidence": np.nan}, "min_confidence: must be finite"),
+        ({"gain": 0.0}, "gain: must be positive and finite"),
+        ({"scale_x": np.inf}, "scale_x: must be positive and finite"),
+        ({"out_sigma": full((8, 12))}, "focal_px: must be positive for depth or sigma"),
+        (METRIC | {"focal_px": -1.0}, "focal_px: must be finite and not negative"),
+        (METRIC | {"baseline_mm": 0.0}, "baseline_mm: must be positive and finite"),
+        (METRIC | {"doffs": np.nan}, "doffs: must be finite"),
+        (METRIC | {"min_depth_mm": -1.0}, "min_depth_mm: must be finite and not negative"),
+        (METRIC | {"min_depth_mm": 5.0, "max_depth_mm": 5.0}, "max_depth_mm: must be greater than min_depth_mm"),
+        (METRIC | {"out_depth": full((8, 12), np.float64)}, "out_depth: must be float32"),
+    ],
+)
+def test_bad_arguments_are_named(change: dict, message: str) -> None:
+    good = {
+        "disparity": np.ones((2, 3), np.float32),
+        "confidence": np.ones((2, 3), np.float32),
+        "scale_y": 0.25,
+        "scale_x": 0.25,
+        "gain": 4.0,
+        "out_disparity": full((8, 12)),
+        "out_confidence": full((8, 12)),
+        "out_reasons": full((8, 12), np.uint8),
+        "image": None,
+        "valid_left": None,
+        "valid_right": None,
+        "min_confidence": 0.5,
+    }
+    with pytest.raises(ValueError, match="; got ") as caught:
+        _core.postprocess(**(good | change))
+    assert str(caught.value).startswith(message)
+    assert _core.postprocess(**good) == 8 * (12 - 4)
