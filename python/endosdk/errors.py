@@ -30,6 +30,11 @@ class ErrorCode(IntEnum):
     DEPENDENCY_MISSING = 15
     RENDERER_UNAVAILABLE = 16
     STORAGE_FAILED = 17
+    # Of the C library alone; Python has KeyboardInterrupt, MemoryError and its own self-checks.
+    CANCELLED = 18
+    OUT_OF_MEMORY = 19
+    SELF_TEST_FAILED = 20
+    INTERNAL = 21
 
 
 class EndoError(Exception):
