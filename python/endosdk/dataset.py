@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,9 @@ LAYOUTS = ("endosdk",)
 DISPARITY_STEPS = 256.0
 LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 MATCH_TOLERANCE_PX = 1.0
+PNG_EFFORT = 4  # of 9; more takes several times longer and saves a few per cent
+
+Extras = Mapping[str, Callable[[Path], None]]
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ def read_record(root: Path) -> dict[str, Any]:
     """Return the contents of ``dataset.json``, checked for the keys every set has."""
     path = root / "dataset.json"
     try:
-        record = json.loads(path.read_text())
+        record: dict[str, Any] = json.loads(path.read_text())
     except FileNotFoundError as error:
         raise DatasetInvalid("dataset", "must hold dataset.json; an unfinished set has none", root) from error
     except (OSError, ValueError) as error:
@@ -194,27 +197,22 @@ def encode_disparity(disparity: NDArray[np.float32]) -> NDArray[np.uint16]:
     return scaled.astype(np.uint16)
 
 
-def write_sample(root: Path, split: str, sample: Sample) -> str:
-    """Write a sample so that its folder appears complete or not at all; return its sha256."""
+def write_sample(root: Path, split: str, sample: Sample, extras: Extras | None = None) -> str:
+    """Write a sample so that its folder appears complete or not at all; return its sha256.
+
+    ``extras`` maps the names of further files to functions that write them at a path.
+    """
     final = root / split / sample.id
     partial = root / f".partial-{split}-{sample.id}-{os.getpid()}"
-    height, width = sample.left.shape[:2]
-    record = {
-        "id": sample.id,
-        "camera": {
-            "width": width,
-            "height": height,
-            "focal_px": sample.focal_px,
-            "baseline_mm": sample.baseline_mm,
-            "doffs": sample.doffs,
-        },
-        "info": sample.info,
-    }
     try:
         partial.mkdir(parents=True, exist_ok=True)
         for name, image in _pictures(sample).items():
-            _store(partial / name, image)
-        _flush(partial / "sample.json", (json.dumps(record, indent=1, sort_keys=True) + "\n").encode())
+            write_picture(partial / name, image)
+        for name, save in (extras or {}).items():
+            save(partial / name)
+        (partial / "sample.json").write_text(json.dumps(_description(sample), indent=1, sort_keys=True) + "\n")
+        for path in partial.iterdir():
+            _flush(path)
         final.parent.mkdir(exist_ok=True)
         if final.exists():
             shutil.rmtree(final)
@@ -225,10 +223,16 @@ def write_sample(root: Path, split: str, sample: Sample) -> str:
     return hash_sample(final)
 
 
+def _description(sample: Sample) -> dict[str, Any]:
+    height, width = sample.left.shape[:2]
+    camera = {"focal_px": sample.focal_px, "baseline_mm": sample.baseline_mm, "doffs": sample.doffs}
+    return {"id": sample.id, "camera": {"width": width, "height": height, **camera}, "info": sample.info}
+
+
 def _pictures(sample: Sample) -> dict[str, NDArray[Any]]:
     pictures: dict[str, NDArray[Any]] = {
-        "left.png": sample.left[..., ::-1],
-        "right.png": sample.right[..., ::-1],
+        "left.png": sample.left,
+        "right.png": sample.right,
         "disparity.png": encode_disparity(sample.disparity),
     }
     if sample.disparity_right is not None:
@@ -238,22 +242,20 @@ def _pictures(sample: Sample) -> dict[str, NDArray[Any]]:
     return pictures
 
 
-def _store(path: Path, image: NDArray[Any]) -> None:
+def write_picture(path: Path, image: NDArray[Any]) -> None:
+    """Write a PNG: RGB uint8 [H,W,3], or one channel [H,W] of 8 or 16 bits."""
     import cv2
 
-    done, data = cv2.imencode(".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 4])
+    stored = image[..., ::-1] if image.ndim == 3 else image
+    done, data = cv2.imencode(".png", np.ascontiguousarray(stored), [cv2.IMWRITE_PNG_COMPRESSION, PNG_EFFORT])
     if not done:
-        raise InvalidArgument(
-            "sample", f"{path.name} must be a picture that PNG can hold", f"{image.dtype} {image.shape}"
-        )
-    _flush(path, data.tobytes())
+        raise InvalidArgument("sample", f"{path.name} must be a picture PNG can hold", f"{image.dtype} {image.shape}")
+    path.write_bytes(data.tobytes())
 
 
-def _flush(path: Path, data: bytes) -> None:
-    """Write and wait for the disk, so that a rename cannot outrun the data."""
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
+def _flush(path: Path) -> None:
+    """Wait until a file has reached the disk, so that a rename cannot outrun its data."""
+    with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
@@ -261,7 +263,8 @@ def write_record(root: Path, record: dict[str, Any]) -> None:
     """Write ``dataset.json``, which declares the set complete."""
     try:
         partial = root / ".partial-dataset.json"
-        _flush(partial, (json.dumps(record, indent=1, sort_keys=True) + "\n").encode())
+        partial.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
+        _flush(partial)
         partial.replace(root / "dataset.json")
     except OSError as error:
         raise StorageFailed("out", "dataset.json must be writable", f"{root}: {error}") from error

@@ -17,6 +17,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--test-pairs", type=int, default=0, help="test pairs, of other seeds (default 0)")
     parser.add_argument("--seed", type=int, default=1, help="0..9999; another seed is another set (default 1)")
     parser.add_argument("--renderer", default="gl", help="gl: OpenGL through EGL, on a graphics card or in software")
+    parser.add_argument("--rig", default="ideal", help="ideal, or raw: add distorted, misaligned views and rig.json")
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--width", type=int, default=960, help="pixels (default 960)")
     parser.add_argument("--height", type=int, default=720, help="pixels (default 720)")
@@ -55,6 +56,7 @@ def _render(args: argparse.Namespace) -> int:
         test_pairs=args.test_pairs,
         seed=args.seed,
         renderer=args.renderer,
+        rig=args.rig,
         camera=StereoCamera(args.width, args.height, args.focal, args.baseline),
         limits=Limits(args.min_disparity, args.max_disparity),
     )

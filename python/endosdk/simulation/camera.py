@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.curve import Floats
@@ -50,11 +51,31 @@ class View:
     translation: Floats  # (3,) mm
 
 
-def rectified_views(camera: StereoCamera) -> tuple[View, View]:
-    """Return the left and right view of an ideal rig whose frame is the left camera's."""
-    left = View(camera.matrix, camera.width, camera.height, np.eye(3), np.zeros(3))
-    right = View(camera.matrix, camera.width, camera.height, np.eye(3), np.array([-camera.baseline_mm, 0.0, 0.0]))
-    return left, right
+@dataclass(frozen=True)
+class RectifiedPair:
+    """Two views whose rows agree, and what turns depth into disparity; the rig's frame is the left view's."""
+
+    left: View
+    right: View
+    focal_px: float
+    baseline_mm: float
+
+    def disparity(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return disparity [H,W] in px from planar depth [H,W] in mm; NaN where the depth is infinite."""
+        disparity = np.asarray(self.focal_px * self.baseline_mm / depth.astype(np.float64), np.float32)
+        return np.where(disparity > 0, disparity, np.float32(np.nan)).astype(np.float32)
+
+
+def rectified_pair(camera: StereoCamera) -> RectifiedPair:
+    """Return the two views of an ideal rig."""
+    return aligned_pair(camera.matrix, camera.width, camera.height, camera.baseline_mm)
+
+
+def aligned_pair(matrix: Floats, width: int, height: int, baseline_mm: float) -> RectifiedPair:
+    """Return two parallel views with one camera matrix, ``baseline_mm`` apart."""
+    left = View(matrix, width, height, np.eye(3), np.zeros(3))
+    right = View(matrix, width, height, np.eye(3), np.array([-baseline_mm, 0.0, 0.0]))
+    return RectifiedPair(left, right, float(matrix[0, 0]), baseline_mm)
 
 
 @dataclass(frozen=True)

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from endosdk.dataset import FORMAT_VERSION, hash_sample, write_record, write_sample
+from endosdk.dataset import FORMAT_VERSION, hash_sample, write_picture, write_record, write_sample
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.rasteriser import Rasteriser
+from endosdk.simulation.raw import render_raw_sample
 from endosdk.simulation.sample import GENERATOR_VERSION, Limits, render_sample
 from endosdk.simulation.scene import MIX_SHARES, ORGANS
 
 # Seeds of one set: training from the start of its block, testing from the middle, so that they never meet.
 SEED_BLOCK = 1_000_000
 TEST_OFFSET = 500_000
+RIGS = ("ideal", "raw")  # raw adds what a distorted, misaligned rig sees, and its calibration
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,7 @@ class Recipe:
     test_pairs: int = 0
     seed: int = 1
     renderer: str = "gl"
+    rig: str = "ideal"
     camera: StereoCamera = field(default_factory=StereoCamera)
     limits: Limits = field(default_factory=Limits)
 
@@ -40,6 +44,8 @@ class Recipe:
             raise InvalidArgument("organ", f"must be one of {', '.join(ORGANS)} or mix", self.organ)
         if self.renderer != "gl":
             raise InvalidArgument("renderer", "must be gl", self.renderer)
+        if self.rig not in RIGS:
+            raise InvalidArgument("rig", f"must be one of {', '.join(RIGS)}", self.rig)
         for name in ("pairs", "test_pairs"):
             if not 0 <= getattr(self, name) <= TEST_OFFSET:
                 raise InvalidArgument(name, f"must be within 0..{TEST_OFFSET}", getattr(self, name))
@@ -109,7 +115,7 @@ def _render_here(root: Path, recipe: Recipe, tasks: list[tuple[str, int]]) -> It
     renderer = Rasteriser()
     try:
         for split, seed in tasks:
-            write_sample(root, split, render_sample(renderer, seed, recipe.organ, recipe.camera, recipe.limits))
+            _make(renderer, root, recipe, split, seed)
             yield
     finally:
         renderer.close()
@@ -134,8 +140,21 @@ _renderers: list[Rasteriser] = []
 def _work(root: Path, recipe: Recipe, task: tuple[str, int]) -> None:
     if not _renderers:
         _renderers.append(Rasteriser())
-    split, seed = task
-    write_sample(root, split, render_sample(_renderers[0], seed, recipe.organ, recipe.camera, recipe.limits))
+    _make(_renderers[0], root, recipe, *task)
+
+
+def _make(renderer: Rasteriser, root: Path, recipe: Recipe, split: str, seed: int) -> None:
+    scene = (seed, recipe.organ, recipe.camera, recipe.limits)
+    if recipe.rig == "ideal":
+        write_sample(root, split, render_sample(renderer, *scene))
+        return
+    sample, raw = render_raw_sample(renderer, *scene)
+    extras: dict[str, Callable[[Path], None]] = {
+        "raw_left.png": partial(write_picture, image=raw.left),
+        "raw_right.png": partial(write_picture, image=raw.right),
+        "rig.json": raw.calibration.save,
+    }
+    write_sample(root, split, sample, extras)
 
 
 def _record(root: Path, recipe: Recipe) -> dict[str, Any]:
@@ -153,6 +172,7 @@ def _record(root: Path, recipe: Recipe) -> dict[str, Any]:
         "generator_version": GENERATOR_VERSION,
         "renderers": sorted(renderers),
         "organ": recipe.organ,
+        "rig": recipe.rig,
         "organ_shares": MIX_SHARES if recipe.organ == "mix" else {recipe.organ: 1.0},
         "seeds": seeds,
         "camera": asdict(recipe.camera),

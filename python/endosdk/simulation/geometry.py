@@ -104,7 +104,7 @@ def _fold(rng: np.random.Generator, shape: Tube, along: Floats, theta: Floats, p
 
 
 def _blob(rng: np.random.Generator, shape: Blob) -> Mesh:
-    rows, columns = (280, 480) if shape.inside else (200, 320)
+    rows, columns = (360, 560) if shape.inside else (200, 320)
     polar = np.asarray(np.linspace(0.0, np.pi, rows), np.float64)
     turn: Floats = np.arange(columns, dtype=np.float64) * (2.0 * np.pi / columns)
     ring = np.stack([np.cos(turn), np.sin(turn)], -1)

@@ -162,14 +162,14 @@ def draw_ducts(rng: np.random.Generator) -> tuple[tuple[Part, ...], Path]:
 def draw_abdomen(rng: np.random.Generator) -> tuple[tuple[Part, ...], Path]:
     """Draw the belly through a laparoscope: a wall behind, organs in front, sometimes one that fills the view."""
     wall = Blob(
-        centre=(0.0, 0.0, 60.0), axes=(130.0, 115.0, float(rng.uniform(95, 150))), pole=(0.0, 0.0, 1.0), inside=True,
+        centre=(0.0, 0.0, 60.0), axes=(130.0, 115.0, float(rng.uniform(80, 130))), pole=(0.0, 0.0, 1.0), inside=True,
         waves=float(rng.uniform(0.1, 0.35)), wave_mm=float(rng.uniform(60, 150)), fine=float(rng.uniform(0.001, 0.008)),
     )  # fmt: skip
     parts = [_part(rng, wall, str(rng.choice(["peritoneum", "fat", "muscle", "serosa"])))]
-    if rng.random() < 0.6:
+    if rng.random() < 0.5:
         parts.append(_filling_organ(rng))
-    for _ in range(int(rng.integers(1, 6))):
-        parts.append(_loop(rng) if rng.random() < 0.35 else _organ(rng))
+    for _ in range(int(rng.integers(2, 8))):
+        parts.append(_loop(rng) if rng.random() < 0.3 else _organ(rng))
     path = Path(
         control=((0.0, 0.0, -6.0), (4.0, -2.0, 2.0), (0.0, 0.0, 8.0)), span=(0.0, 1.0), look_ahead=0.1, wander=14.0,
         jitter=float(rng.uniform(0.05, 0.25)), target=(0.0, 0.0, 110.0),
@@ -190,10 +190,9 @@ def _filling_organ(rng: np.random.Generator) -> Part:
 
 
 def _organ(rng: np.random.Generator) -> Part:
-    depth = rng.uniform(85, 170)
-    direction = np.array([rng.uniform(-1.0, 1.0), rng.uniform(-0.8, 0.8), 1.0])
-    size = rng.uniform(25, 75) * rng.uniform(0.6, 1.4, 3)
-    centre = direction * depth
+    direction = np.array([rng.uniform(-1.2, 1.2), rng.uniform(-1.0, 1.0), 1.0])
+    size = rng.uniform(28, 85) * rng.uniform(0.6, 1.4, 3)
+    centre = direction * (rng.uniform(70, 140) + 0.7 * size.mean()) / np.linalg.norm(direction) * 1.15
     blob = Blob(
         centre=_vector(centre), axes=_vector(size), pole=_vector(-centre), inside=False,
         waves=float(rng.uniform(0.08, 0.4)), wave_mm=float(rng.uniform(1.2, 2.6) * size.mean()),

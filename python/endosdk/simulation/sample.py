@@ -6,11 +6,10 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endosdk.dataset import Sample, find_occlusion
 from endosdk.errors import InvalidArgument
-from endosdk.simulation.camera import Pose, StereoCamera, View, rectified_views
+from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, rectified_pair
 from endosdk.simulation.geometry import build_mesh
 from endosdk.simulation.instrument import instrument_parts
 from endosdk.simulation.junction import join_lumens
@@ -18,6 +17,7 @@ from endosdk.simulation.noise import Array
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.scene import Scene, candidate_poses, draw_scene
 from endosdk.simulation.sensor import expose
+from endosdk.simulation.shadow import near_shadow
 from endosdk.simulation.texture import paint_tissue
 
 GENERATOR_VERSION = "1"
@@ -58,22 +58,32 @@ def render_sample(renderer: Rasteriser, seed: int, organ: str, camera: StereoCam
     scene = draw_scene(seed, organ)
     load_scene(renderer, scene)
     placed = place_camera(renderer, scene, camera, limits)
-    placed, truth = draw_truth(renderer, placed, camera, limits)
-    light = [draw_light(renderer, view, placed, camera) for view in rectified_views(camera)]
-    left, right = expose(light[0], light[1], scene.sensor, (seed, 7))
+    _, sample = draw_pair(renderer, placed, rectified_pair(camera), limits)
     renderer.clear()
-    return Sample(
-        id=f"{seed:09d}",
+    return sample
+
+
+def draw_pair(renderer: Rasteriser, placed: Placed, pair: RectifiedPair, limits: Limits) -> tuple[Placed, Sample]:
+    """Draw a placed scene and its truth; return it as it was drawn, since a thin tip may ask for a larger organ."""
+    scene = placed.scene
+    placed, truth = draw_truth(renderer, placed, pair, limits)
+    light = [
+        draw_light(renderer, view, placed, pair, disparity)
+        for view, disparity in zip((pair.left, pair.right), truth, strict=True)
+    ]
+    left, right = expose(light[0], light[1], scene.sensor, (scene.seed, 7))
+    sample = Sample(
+        id=f"{scene.seed:09d}",
         left=left,
         right=right,
         disparity=truth[0],
         disparity_right=truth[1],
         occlusion=find_occlusion(truth[0], truth[1]),
-        focal_px=camera.focal_px,
-        baseline_mm=camera.baseline_mm,
-        doffs=0.0,
-        info={"seed": seed, "organ": scene.organ, "renderer": renderer.version, "scene": describe(placed)},
+        focal_px=pair.focal_px,
+        baseline_mm=pair.baseline_mm,
+        info={"seed": scene.seed, "organ": scene.organ, "renderer": renderer.version, "scene": describe(placed)},
     )
+    return placed, sample
 
 
 def load_scene(renderer: Rasteriser, scene: Scene) -> None:
@@ -87,7 +97,7 @@ def load_scene(renderer: Rasteriser, scene: Scene) -> None:
 
 def place_camera(renderer: Rasteriser, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
     """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range."""
-    preview = rectified_views(_smaller(camera))[0]
+    preview = rectified_pair(_smaller(camera)).left
     wanted = max(limits.largest * scene.nearest_share, 4 * limits.smallest)
     best: tuple[float, Pose] | None = None
     for _, pose in zip(range(POSE_TRIALS), candidate_poses(scene), strict=False):
@@ -124,7 +134,8 @@ def _pose_fault(depth: Array, smallest_share: float) -> float:
 def _fit_scale(renderer: Rasteriser, pose: Pose, camera: StereoCamera, wanted: float) -> float:
     """Return the scale at which the largest disparity of either view of a preview is about ``wanted``."""
     small = _smaller(camera)
-    views = rectified_views(small)
+    pair = rectified_pair(small)
+    views = (pair.left, pair.right)
     # The left view scales exactly; the right one shifts a little with the scale, hence the second round.
     scale = _largest_disparity(renderer.depth(views[0], pose, 1.0), small) * camera.width / PREVIEW_PX / wanted
     seen = max(_largest_disparity(renderer.depth(view, pose, scale), small) for view in views)
@@ -136,31 +147,28 @@ def _largest_disparity(depth: Array, camera: StereoCamera) -> float:
 
 
 def draw_truth(
-    renderer: Rasteriser, placed: Placed, camera: StereoCamera, limits: Limits
+    renderer: Rasteriser, placed: Placed, pair: RectifiedPair, limits: Limits
 ) -> tuple[Placed, tuple[Array, Array]]:
     """Return both true disparities [H,W] in px, NaN where nothing is seen, and the scene as drawn.
 
     The preview can miss a thin tip: where the full picture exceeds the limit, the organ is made a little larger.
     """
     while True:
-        depths = [renderer.depth(view, placed.pose, placed.scale) for view in rectified_views(camera)]
-        seen = max(_largest_disparity(depth, camera) for depth in depths)
+        left, right = (
+            pair.disparity(renderer.depth(view, placed.pose, placed.scale)) for view in (pair.left, pair.right)
+        )
+        seen = float(max(np.nanmax(left), np.nanmax(right)))
         if seen <= limits.largest:
-            break
-        placed = replace(placed, scale=placed.scale * 1.002 * seen / limits.largest)
-    left, right = (_to_disparity(depth, camera) for depth in depths)
-    return placed, (left, right)
+            return placed, (left, right)
+        factor = 1.002 * seen / limits.largest
+        placed = replace(placed, scale=placed.scale * factor, reach=placed.reach * factor)
 
 
-def _to_disparity(depth: Array, camera: StereoCamera) -> Array:
-    disparity = (camera.focal_px * camera.baseline_mm / depth.astype(np.float64)).astype(np.float32)
-    return np.where(disparity > 0, disparity, np.float32(np.nan)).astype(np.float32)
-
-
-def draw_light(renderer: Rasteriser, view: View, placed: Placed, camera: StereoCamera) -> NDArray[np.float32]:
-    """Return the linear light [H,W,3] that reaches this view."""
-    middle = (0.5 * camera.baseline_mm, 0.0, 0.0)
-    return renderer.colour(view, placed.pose, placed.scale, placed.scene.lamp, middle, placed.reach)
+def draw_light(renderer: Rasteriser, view: View, placed: Placed, pair: RectifiedPair, disparity: Array) -> Array:
+    """Return the linear light [H,W,3] that reaches a view, which sees these disparities (of the rectified pair)."""
+    middle = (0.5 * pair.baseline_mm, 0.0, 0.0)
+    light = renderer.colour(view, placed.pose, placed.scale, placed.scene.lamp, middle, placed.reach)
+    return light * near_shadow(disparity)[..., None]
 
 
 def describe(placed: Placed) -> dict[str, Any]:

@@ -81,7 +81,7 @@ def draw_scene(seed: int, organ: str) -> Scene:
         lamp=_draw_lamp(np.random.default_rng((seed, 3))),
         sensor=draw_sensor(np.random.default_rng((seed, 4))),
         instrument=_draw_instrument(tools) if tools.random() < INSTRUMENT_SHARE else None,
-        nearest_share=float(np.random.default_rng((seed, 5)).uniform(*NEAREST_SHARE) ** 0.7),
+        nearest_share=float(np.random.default_rng((seed, 5)).uniform(*NEAREST_SHARE) ** 0.5),
     )
 
 

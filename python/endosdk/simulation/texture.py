@@ -77,7 +77,7 @@ def _albedo(rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], sc
     wet = _step(tile_noise(rng, shape, max(8.0, 14 * scale)), 0.6, 1.6) * np.float32(tissue.mucus)
     if tissue.stain > 0:
         field = fractal_tile(rng, shape, 22 * scale, 4, 0.45)
-        softness = float(rng.uniform(0.5, 2.2))
+        softness = float(rng.uniform(0.8, 3.0))
         stain = _step(field, float(np.quantile(field[::8, ::8], 1 - tissue.stain)), softness)
         _blend(image, _linear(tissue.stain_colour), stain * np.float32(rng.uniform(0.4, 0.9)))
         wet = np.maximum(wet, stain)

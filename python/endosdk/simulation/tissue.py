@@ -112,7 +112,8 @@ STAINS: dict[str, tuple[Colour, Colour]] = {
 BLOTCH_MM, NETWORK_MM, GRAIN_MM, PIT_MM, BUMP_MM, LOBE_MM = (
     (6.0, 40.0), (1.2, 5.0), (0.2, 0.7), (0.35, 0.9), (1.0, 5.0), (3.0, 9.0),
 )  # fmt: skip
-STAINED_SHARE = 0.3  # of surfaces
+STAIN_SHARES = (0.6, 0.2, 0.2)
+STAINED_SHARE = 0.2  # of surfaces
 SMOOTH_SHARE = 0.25  # of surfaces nearly without texture: they are common in life and hard to match
 
 
@@ -120,7 +121,7 @@ def draw_tissue(rng: np.random.Generator, kind: str) -> Tissue:
     """Draw one look of this kind of tissue."""
     ranges = TISSUES[kind]
     smooth = 0.25 if rng.random() < SMOOTH_SHARE else 1.0
-    stain = str(rng.choice(list(STAINS)))
+    stain = str(rng.choice(list(STAINS), p=STAIN_SHARES))
     stained = rng.random() < STAINED_SHARE
     return Tissue(
         kind=kind,
