@@ -2,6 +2,7 @@ import csv
 import json
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -150,6 +151,33 @@ def test_padding_repeats_the_border():
     assert torch.equal(padded[..., :3, :4], image)
     assert torch.equal(padded[0, 0, 5], torch.tensor([8.0, 9, 10, 11, 11, 11, 11, 11]))
     assert pad_to_multiple(padded, 8).shape == (1, 1, 8, 8)
+
+
+ENDLESS = """
+import sys
+from pathlib import Path
+from endosdk.training.config import TrainConfig
+from endosdk.training.train import train
+config = TrainConfig(data=sys.argv[1], network="fast", crop=(64, 128), batch=1, held_out=1, log_every=1)
+train(config, Path(sys.argv[2]))
+"""
+
+
+def test_a_killed_run_saves_what_it_has(dataset_root, tmp_path):
+    log = tmp_path / "log.csv"
+    process = subprocess.Popen(
+        [sys.executable, "-c", ENDLESS, str(dataset_root), str(tmp_path)], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        deadline = time.monotonic() + 120
+        while (not log.exists() or log.read_text().count("\n") < 3) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.terminate()
+        _, error = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert "KeyboardInterrupt" in error
+    assert 2 <= checkpoint.load(tmp_path).step < 4000
 
 
 TWO_PROCESSES = """

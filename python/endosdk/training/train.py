@@ -5,8 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
+import threading
 import time
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +40,7 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False) -> Path:
     With ``resume`` the run in ``out`` goes on where its checkpoint ends; the settings may differ from those it began
     with (more steps, another rate). Under torchrun every process calls this with the same arguments.
     """
-    with process_group() as (rank, world):
+    with process_group() as (rank, world), _stop_signal():
         run = Run(config, out, rank, world, resume=resume)
         try:
             run.fit()
@@ -277,6 +280,23 @@ def _channels_last(network: nn.Module) -> None:
             module.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
         elif isinstance(module, nn.Conv2d):
             module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+@contextmanager
+def _stop_signal() -> Iterator[None]:
+    """Let a polite kill end the run as Ctrl-C does: with a checkpoint."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set signals
+        return
+
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 class process_group:
