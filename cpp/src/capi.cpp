@@ -82,7 +82,7 @@ const char* endo_build_info(void) { return endosdk::build_info(); }
 
 const char* endo_last_error(void) { return last_error; }
 
-const char* endo_status_name(endo_status status) {
+const char* endo_status_name(int32_t status) {
   switch (status) {
     case ENDO_OK: return "OK";
     case ENDO_INVALID_ARGUMENT: return "INVALID_ARGUMENT";

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 #include <vector>
 
 namespace endosdk {
@@ -60,7 +61,7 @@ bool telemetry_is_off() {
 std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const Log& log) {
   const bool was_off = telemetry_is_off();
   // The library reads this while it is being opened; later is too late. It is not touched when it is set already.
-  if (!was_off) setenv(telemetry_switch, "1", 1);
+  if (!was_off && setenv(telemetry_switch, "1", 1) != 0) throw std::bad_alloc();
   std::string tried;
   for (const std::string& place : places(path)) {
     void* before = dlopen(place.c_str(), RTLD_LAZY | RTLD_NOLOAD);

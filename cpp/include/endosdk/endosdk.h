@@ -97,8 +97,8 @@ ENDO_API const char *endo_version(void);
 /* How the library was built, as JSON: version, commit, compiler, flags, instruction sets. */
 ENDO_API const char *endo_build_info(void);
 
-/* Name of a status, such as "INVALID_ARGUMENT". */
-ENDO_API const char *endo_status_name(endo_status status);
+/* Name of a status, such as "INVALID_ARGUMENT"; "UNKNOWN" for other numbers. */
+ENDO_API const char *endo_status_name(int32_t status);
 
 /* What went wrong in this thread's last failed call; valid until its next failed call. */
 ENDO_API const char *endo_last_error(void);

@@ -1,0 +1,165 @@
+// endosdk for C++17: the C interface with objects that free themselves and errors that are thrown. Header only, so no C++
+// type crosses the library's boundary and any compiler's standard library will do.
+//
+//     endo::Options options;
+//     options.deadline_ms = 22.0;
+//     endo::Estimator estimator = endo::Estimator::open("wang2020.onnx", options);
+//     estimator.set_calibration(rig);                     // an endo_calibration filled by you
+//     estimator.prepare(960, 720);
+//     endo::Maps maps(960, 720, endo::Maps::metric);
+//     estimator.predict(endo::image(left_pixels, 960, 720), endo::image(right_pixels, 960, 720), maps);
+//     if (maps.result.quality == ENDO_QUALITY_OK) use(maps.depth);
+#ifndef ENDOSDK_HPP
+#define ENDOSDK_HPP
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "endosdk.h"
+
+namespace endo {
+
+// A failed call: what() names the argument, the rule and the value seen.
+class Error : public std::runtime_error {
+ public:
+  Error(endo_status status, const char* message) : std::runtime_error(message), status_(status) {}
+
+  endo_status status() const noexcept { return status_; }
+
+ private:
+  endo_status status_;
+};
+
+inline void check(endo_status status) {
+  if (status != ENDO_OK) throw Error(status, endo_last_error());
+}
+
+// The options with their defaults. Strings and the log context are only pointed at and must live until `open` returns,
+// the log context until the estimator is gone.
+struct Options : endo_options {
+  Options() : endo_options() { check(endo_options_init(this, sizeof(endo_options))); }
+};
+
+// A rig to fill in: struct_size is set, the cameras are pinhole and all numbers zero.
+inline endo_calibration calibration() {
+  endo_calibration rig = {};
+  rig.struct_size = sizeof rig;
+  return rig;
+}
+
+// A view of pixels that stay yours; stride in bytes, 0 for rows without gaps.
+inline endo_image image(const uint8_t* data, int width, int height, endo_pixel_format format = ENDO_RGB8,
+                        int64_t stride = 0) {
+  return {sizeof(endo_image), format, data, width, height, stride};
+}
+
+// Memory for the maps of one frame size, made once and written by every predict.
+class Maps {
+ public:
+  enum Kind { disparity_only, metric };  // metric adds depth and sigma, which need a calibration
+
+  Maps(int width, int height, Kind kind = disparity_only)
+      : disparity(pixels(width, height)), confidence(disparity.size()), reasons(disparity.size()) {
+    if (kind == metric) {
+      depth.resize(disparity.size());
+      sigma.resize(disparity.size());
+    }
+  }
+
+  std::vector<float> disparity;
+  std::vector<float> confidence;
+  std::vector<uint8_t> reasons;
+  std::vector<float> depth;
+  std::vector<float> sigma;
+  endo_result result = {};  // quality, share of answers, times, late; its pointers are set by predict
+
+ private:
+  static size_t pixels(int width, int height) {
+    return width > 0 && height > 0 ? static_cast<size_t>(width) * static_cast<size_t>(height) : 0;
+  }
+};
+
+// One loaded model with its memory; it can be moved, not copied.
+class Estimator {
+ public:
+  static Estimator open(const std::string& path, const Options& options = Options()) {
+    endo_estimator* handle = nullptr;
+    check(endo_open_file(path.c_str(), &options, &handle));
+    return Estimator(handle);
+  }
+
+  static Estimator open(const void* data, size_t size, const Options& options = Options()) {
+    endo_estimator* handle = nullptr;
+    check(endo_open_memory(data, size, &options, &handle));
+    return Estimator(handle);
+  }
+
+  void set_calibration(const endo_calibration& rig) { check(endo_set_calibration(get(), &rig)); }
+
+  void remove_calibration() { check(endo_set_calibration(get(), nullptr)); }
+
+  endo_geometry geometry() const {
+    endo_geometry found = {};
+    found.struct_size = sizeof found;
+    check(endo_get_geometry(get(), &found));
+    return found;
+  }
+
+  void prepare(int width, int height) { check(endo_prepare(get(), width, height)); }
+
+  // Writes the maps that the result points to.
+  void predict(const endo_image& left, const endo_image& right, endo_result& result) {
+    check(endo_predict(get(), &left, &right, &result));
+  }
+
+  void predict(const endo_image& left, const endo_image& right, Maps& maps) {
+    endo_result& r = maps.result;
+    r.struct_size = sizeof r;
+    r.capacity = maps.disparity.size();
+    r.disparity = maps.disparity.data();
+    r.confidence = maps.confidence.data();
+    r.reasons = maps.reasons.data();
+    r.depth = maps.depth.empty() ? nullptr : maps.depth.data();
+    r.sigma = maps.sigma.empty() ? nullptr : maps.sigma.data();
+    predict(left, right, r);
+  }
+
+  // Copies of the latest pair as the network saw it.
+  void rectified(uint8_t* left, uint8_t* right, size_t capacity) const {
+    check(endo_get_rectified(get(), left, right, capacity));
+  }
+
+  // From any thread: the predict that is running throws an Error with ENDO_CANCELLED.
+  void cancel() { check(endo_cancel(get())); }
+
+  void self_test() { check(endo_self_test(get())); }
+
+  // JSON.
+  std::string diagnostics() const {
+    size_t needed = 0;
+    check(endo_get_diagnostics(get(), nullptr, 0, &needed));
+    std::string text(needed + 64, '\0');  // counters may grow by some digits between the two calls
+    check(endo_get_diagnostics(get(), &text[0], text.size(), &needed));
+    text.resize(needed - 1);
+    return text;
+  }
+
+  endo_estimator* get() const noexcept { return handle_.get(); }
+
+ private:
+  struct Close {
+    void operator()(endo_estimator* handle) const noexcept { endo_close(handle); }
+  };
+
+  explicit Estimator(endo_estimator* handle) : handle_(handle) {}
+
+  std::unique_ptr<endo_estimator, Close> handle_;
+};
+
+}  // namespace endo
+
+#endif

@@ -1,0 +1,116 @@
+// What a frame costs beyond its parts: the library's call against the runtime and the kernels called directly, turn by
+// turn. Prints medians as JSON.
+//
+//     library_overhead RUNTIME MODEL WIDTH HEIGHT FRAMES THREADS
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include "postprocess.hpp"
+#include "rectify_stage.hpp"
+#include "session.hpp"
+#include "support.hpp"
+#include "threads.hpp"
+
+namespace {
+
+using namespace endosdk;
+using Clock = std::chrono::steady_clock;
+
+// The frame path, written out without the library around it.
+class Bare {
+ public:
+  Bare(const Places& at, const endo_calibration& numbers, Size frame, int threads)
+      : rig_(numbers),
+        session_(Runtime::open(at.runtime, {}), read_model(at.model, ""), {"cpu", threads, true}, {}),
+        rectifier_(rig_.rectifier(rig_.geometry())),
+        buffers_(session_, frame) {}
+
+  void predict(const Pair& pair, Output& out) {
+    const ImageView left = {pair.left.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
+    const ImageView right = {pair.right.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
+    rectifier_.rectify(left, right, buffers_.left(), buffers_.right(), ChannelOrder::rgb);
+    session_.run(buffers_);
+    const int stride = session_.info().output_stride;
+    const RectifiedGeometry& g = rig_.geometry();
+    PostprocessInput in;
+    in.disparity = buffers_.disparity();
+    in.confidence = buffers_.confidence();
+    in.scale = {1.0 / stride, 1.0 / stride};
+    in.min_confidence = 0.3f;
+    in.left = buffers_.left();
+    in.valid_left = rectifier_.valid_left().data();
+    in.valid_right = rectifier_.valid_right().data();
+    in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), 0.0, std::numeric_limits<double>::infinity()};
+    postprocess(in, {{out.disparity.data(), pair.width, pair.height},
+                     {out.confidence.data(), pair.width, pair.height},
+                     out.reasons.data(),
+                     out.depth.data(),
+                     out.sigma.data()});
+  }
+
+ private:
+  Rig rig_;
+  Session session_;
+  Rectifier rectifier_;
+  Session::Buffers buffers_;
+};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+template <typename Call>
+double milliseconds(const Call& call) {
+  const Clock::time_point start = Clock::now();
+  call();
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  CHECK(argc == 7);
+  const int width = std::atoi(argv[3]);
+  const int height = std::atoi(argv[4]);
+  const int frames = std::atoi(argv[5]);
+  const int threads = std::atoi(argv[6]);
+  const size_t pixels = static_cast<size_t>(width) * static_cast<size_t>(height);
+  endo_options options = default_options(at);
+  options.threads = threads;
+  const Opened estimator(at, options);
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  Bare bare(at, rig, {width, height}, threads);
+  const Pair pair(width, height, 9);
+  Output ours(pixels, true);
+  ours.result.disparity_u16 = ours.result.depth_u16 = nullptr;  // more than the parts do
+  Output parts(pixels, true);
+  std::vector<double> library_ms;
+  std::vector<double> parts_ms;
+  std::vector<double> ratios;
+  for (int i = -3; i < frames; ++i) {
+    double with = 0.0;
+    double without = 0.0;
+    const auto run_library = [&] { with = milliseconds([&] { CHECK(estimator.predict(pair, ours) == ENDO_OK); }); };
+    const auto run_parts = [&] { without = milliseconds([&] { bare.predict(pair, parts); }); };
+    // In turns, so that neither always finds the caches as the other left them.
+    if (i % 2 == 0) {
+      run_library();
+      run_parts();
+    } else {
+      run_parts();
+      run_library();
+    }
+    if (i < 0) continue;
+    library_ms.push_back(with);
+    parts_ms.push_back(without);
+    ratios.push_back(with / without);
+  }
+  CHECK(ours.disparity == parts.disparity && ours.reasons == parts.reasons);
+  std::printf("{\"width\": %d, \"height\": %d, \"frames\": %d, \"threads\": %d, \"library_ms\": %.3f, \"parts_ms\": %.3f, "
+              "\"median_ratio\": %.4f}\n",
+              width, height, frames, threads, median(library_ms), median(parts_ms), median(ratios));
+}

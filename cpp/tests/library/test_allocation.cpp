@@ -1,0 +1,197 @@
+// Memory, watched from below: malloc itself is replaced in this program.
+//
+// Allocations with ONNX Runtime on their call stack belong to it; all others are ours. Ours must be none for a frame, and
+// each of ours must be allowed to fail without more damage than a status.
+#include <dlfcn.h>
+#include <execinfo.h>
+#include <link.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+
+#include "support.hpp"
+
+extern "C" {
+void* __libc_malloc(size_t size);
+void* __libc_calloc(size_t count, size_t size);
+void* __libc_realloc(void* old, size_t size);
+void* __libc_memalign(size_t alignment, size_t size);
+}
+
+namespace {
+
+struct Range {
+  uintptr_t begin = 0;
+  uintptr_t end = 0;
+
+  bool holds(const void* address) const {
+    const auto place = reinterpret_cast<uintptr_t>(address);
+    return place >= begin && place < end;
+  }
+};
+
+Range runtime_code;
+Range loader_code;
+std::atomic<bool> watching{false};
+std::atomic<long> ours{0};
+std::atomic<long> fail_at{-1};
+thread_local bool inside = false;  // backtrace may allocate, too
+
+bool belongs_to_runtime() {
+  void* frames[48];
+  const int count = backtrace(frames, 48);
+  for (int i = 0; i < count; ++i) {
+    if (runtime_code.holds(frames[i]) || loader_code.holds(frames[i])) return true;
+  }
+  return false;
+}
+
+// Whether this allocation is to fail.
+bool note() {
+  if (!watching.load(std::memory_order_relaxed) || inside) return false;
+  inside = true;
+  const bool is_ours = !belongs_to_runtime();
+  const bool fails = is_ours && ours.fetch_add(1) == fail_at.load();
+  inside = false;
+  if (fails) errno = ENOMEM;
+  return fails;
+}
+
+}  // namespace
+
+extern "C" {
+void* malloc(size_t size) { return note() ? nullptr : __libc_malloc(size); }
+void* calloc(size_t count, size_t size) { return note() ? nullptr : __libc_calloc(count, size); }
+void* realloc(void* old, size_t size) { return note() ? nullptr : __libc_realloc(old, size); }
+void* aligned_alloc(size_t alignment, size_t size) { return note() ? nullptr : __libc_memalign(alignment, size); }
+}
+
+namespace {
+
+constexpr int width = 160;
+constexpr int height = 96;
+constexpr size_t pixels = size_t{width} * height;
+
+Range range_of(const char* part_of_name) {
+  struct Search {
+    const char* name;
+    Range found;
+  } search{part_of_name, {}};
+  dl_iterate_phdr(
+      [](dl_phdr_info* info, size_t, void* data) {
+        auto& wanted = *static_cast<Search*>(data);
+        if (std::strstr(info->dlpi_name, wanted.name) == nullptr) return 0;
+        for (int i = 0; i < info->dlpi_phnum; ++i) {
+          const auto& header = info->dlpi_phdr[i];
+          if (header.p_type != PT_LOAD) continue;
+          const uintptr_t begin = info->dlpi_addr + header.p_vaddr;
+          if (wanted.found.begin == 0) wanted.found.begin = begin;
+          wanted.found.end = begin + header.p_memsz;
+        }
+        return 1;
+      },
+      &search);
+  CHECK(search.found.begin != 0);
+  return search.found;
+}
+
+template <typename Call>
+long count_ours(const Call& call) {
+  ours = 0;
+  watching = true;
+  call();
+  watching = false;
+  return ours;
+}
+
+void frames_allocate_nothing(const Places& at, bool raw, int network_width, int threads) {
+  endo_options options = default_options(at);
+  options.threads = threads;
+  options.network_width = network_width;
+  options.network_height = network_width * height / width;
+  const Opened estimator(at, options);
+  const endo_calibration rig = raw_rig(width, height);
+  if (raw) CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  CHECK(endo_prepare(estimator.get(), width, height) == ENDO_OK);
+  const Pair pair(width, height, 9);
+  Output out(pixels, raw);
+  const long count = count_ours([&] {
+    for (int frame = 0; frame < 50; ++frame) CHECK(estimator.predict(pair, out) == ENDO_OK);
+  });
+  if (count != 0) std::fprintf(stderr, "%ld allocations of ours in 50 frames\n", count);
+  CHECK(count == 0);
+}
+
+// Calls with the 1st, 2nd, 3rd ... allocation failing, until none is left to fail.
+template <typename Call>
+int survive_every_failure(const char* what, const Call& call) {
+  for (int n = 0;; ++n) {
+    fail_at = n;
+    ours = 0;
+    watching = true;
+    const endo_status status = call();
+    watching = false;
+    fail_at = -1;
+    if (ours <= n) {
+      CHECK(status == ENDO_OK);
+      return n;
+    }
+    // A failed look for a file or a library may be reported as such; nothing else may come of it, but success.
+    const bool told = status == ENDO_OUT_OF_MEMORY || status == ENDO_RUNTIME_MISSING || status == ENDO_MODEL_NOT_FOUND;
+    if (!told && status != ENDO_OK) {
+      std::fprintf(stderr, "%s, allocation %d: %s\n", what, n, endo_last_error());
+      std::exit(1);
+    }
+  }
+}
+
+void failing_allocations_are_reported(const Places& at) {
+  const endo_options options = default_options(at);
+  endo_estimator* handle = nullptr;
+  const int opening = survive_every_failure("open", [&] {
+    const endo_status status = endo_open_file(at.model.c_str(), &options, &handle);
+    CHECK((handle != nullptr) == (status == ENDO_OK));
+    if (status == ENDO_OK && fail_at >= 0 && ours <= fail_at) return status;
+    endo_close(handle);
+    return status;
+  });
+  const endo_calibration rig = raw_rig(width, height);
+  const int calibrating =
+      survive_every_failure("set_calibration", [&] { return endo_set_calibration(handle, &rig); });
+  const Pair pair(width, height, 9);
+  Output out(pixels, true);
+  const endo_image left = pair.left_image();
+  const endo_image right = pair.right_image();
+  const int predicting = survive_every_failure("predict", [&] {
+    const endo_status status = endo_predict(handle, &left, &right, &out.result);
+    if (status != ENDO_OK) CHECK(std::isnan(out.depth[0]) && out.result.quality == ENDO_QUALITY_INVALID);
+    return status;
+  });
+  const int testing = survive_every_failure("self test", [&] { return endo_self_test(handle); });
+  size_t needed = 0;
+  const int reporting =
+      survive_every_failure("diagnostics", [&] { return endo_get_diagnostics(handle, nullptr, 0, &needed); });
+  CHECK(endo_predict(handle, &left, &right, &out.result) == ENDO_OK);
+  endo_close(handle);
+  std::printf("survived the failure of each of %d + %d + %d + %d + %d allocations\n", opening, calibrating, predicting,
+              testing, reporting);
+  CHECK(opening > 10 && calibrating > 0 && predicting > 10);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  { const Opened once(at); }  // maps the runtime
+  void* frames[4];
+  backtrace(frames, 4);  // loads what it needs
+  runtime_code = range_of("libonnxruntime.so");
+  loader_code = range_of("ld-linux");
+  for (const bool raw : {false, true}) {
+    frames_allocate_nothing(at, raw, 0, 1);
+    frames_allocate_nothing(at, raw, 0, 2);
+    frames_allocate_nothing(at, raw, 80, 1);
+  }
+  failing_allocations_are_reported(at);
+}
