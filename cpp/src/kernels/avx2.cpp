@@ -9,15 +9,16 @@ namespace endosdk::avx2 {
 namespace {
 
 constexpr int lanes = 8;
+constexpr int chunk = 128;  // pixels whose offsets are found ahead of their use
 
 // Byte offsets of the upper left neighbours of 8 pixels.
 inline void find_offsets(const uint32_t* corner, __m256i stride, int channels, int32_t* offset) {
-  const __m256i c = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(corner));
-  const __m256i x = _mm256_and_si256(c, _mm256_set1_epi32(0xffff));
-  const __m256i y = _mm256_srli_epi32(c, 16);
+  const __m256i corners = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(corner));
+  const __m256i x = _mm256_and_si256(corners, _mm256_set1_epi32(0xffff));
+  const __m256i y = _mm256_srli_epi32(corners, 16);
   const __m256i sum =
       _mm256_add_epi32(_mm256_mullo_epi32(y, stride), _mm256_mullo_epi32(x, _mm256_set1_epi32(channels)));
-  _mm256_store_si256(reinterpret_cast<__m256i*>(offset), sum);
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(offset), sum);
 }
 
 inline __m256i everywhere64(const uint8_t* from) {
@@ -30,14 +31,6 @@ inline __m256i everywhere32(const uint8_t* from) {
   int value;
   memcpy(&value, from, sizeof(value));
   return _mm256_set1_epi32(value);
-}
-
-// 8 bytes from each of 4 places. Broadcast loads and blends, because gather instructions are slow on many processors:
-// the microcode that closes their data leak makes them several times slower than this.
-inline __m256i collect4(const uint8_t* base, const int32_t* offset) {
-  const __m256i low = _mm256_blend_epi32(everywhere64(base + offset[0]), everywhere64(base + offset[1]), 0x0c);
-  const __m256i high = _mm256_blend_epi32(everywhere64(base + offset[2]), everywhere64(base + offset[3]), 0xc0);
-  return _mm256_blend_epi32(low, high, 0xf0);
 }
 
 // 4 bytes from each of 8 places.
@@ -61,51 +54,93 @@ inline __m256i between_rows(__m256i upper, __m256i lower, __m256i fy_high) {
   return _mm256_srai_epi16(_mm256_add_epi16(value, _mm256_set1_epi16(64)), 7);
 }
 
-// 4 pixels, each as 4 words (three channels and one unused), from 8 bytes of each row. `all_x` and `high_y` pick the
-// pixels' fractions out of `fractions`: fx to all bytes of a pixel, fy to the upper byte of its words.
-inline __m256i blend4(__m256i upper, __m256i lower, __m256i fractions, __m256i all_x, __m256i high_y) {
-  const __m256i pairs = _mm256_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1,  //
-                                         0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1);
+// The same 16 bytes in each half.
+inline __m256i halves(__m128i bytes) { return _mm256_broadcastsi128_si256(bytes); }
+
+inline __m128i load16(const uint8_t* from) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from)); }
+
+// The bytes around 4 pixels, two pixels in each half, and where in its half each pixel's neighbours are: left and right
+// of each channel side by side.
+struct Quad {
+  __m256i upper;
+  __m256i lower;
+  __m256i pairs;
+};
+
+// Quads take pixels 0, 1, 4, 5 from where `offset` points, so that packing brings 8 pixels out in order.
+//
+// Each pixel has 8 bytes of its own. Broadcast loads and blends, because gather instructions are slow on many
+// processors: the microcode that closes their data leak makes them several times slower than this.
+inline __m256i collect4(const uint8_t* base, const int32_t* offset) {
+  const __m256i low = _mm256_blend_epi32(everywhere64(base + offset[0]), everywhere64(base + offset[1]), 0x0c);
+  const __m256i high = _mm256_blend_epi32(everywhere64(base + offset[4]), everywhere64(base + offset[5]), 0xc0);
+  return _mm256_blend_epi32(low, high, 0xf0);
+}
+
+inline Quad apart(const uint8_t* source, ptrdiff_t stride, const int32_t* offset) {
+  return {collect4(source, offset), collect4(source + stride, offset),
+          halves(_mm_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1))};
+}
+
+// Two pixels share 16 bytes; `shift` is the distance between them in the bytes of the second.
+inline __m256i collect2(const uint8_t* base, const int32_t* offset) {
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(load16(base + offset[0])), load16(base + offset[4]), 1);
+}
+
+inline Quad together(const uint8_t* source, ptrdiff_t stride, const int32_t* offset, __m256i shift) {
+  const __m256i first = halves(_mm_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 0, 3, 1, 4, 2, 5, -1, -1));
+  return {collect2(source, offset), collect2(source + stride, offset), _mm256_add_epi8(first, shift)};
+}
+
+// 4 pixels, each as 4 words: three channels and one unused. `all_x` and `high_y` pick the pixels' fractions out of
+// `fractions`: fx to all bytes of a pixel, fy to the upper byte of its words.
+inline __m256i blend4(const Quad& quad, __m256i fractions, __m256i all_x, __m256i high_y) {
   const __m256i zero_level = _mm256_set1_epi8(-128);
   const __m256i weights = pair_weights(_mm256_shuffle_epi8(fractions, all_x));
-  const __m256i u = _mm256_xor_si256(_mm256_shuffle_epi8(upper, pairs), zero_level);
-  const __m256i l = _mm256_xor_si256(_mm256_shuffle_epi8(lower, pairs), zero_level);
+  const __m256i u = _mm256_xor_si256(_mm256_shuffle_epi8(quad.upper, quad.pairs), zero_level);
+  const __m256i l = _mm256_xor_si256(_mm256_shuffle_epi8(quad.lower, quad.pairs), zero_level);
   return between_rows(_mm256_maddubs_epi16(weights, u), _mm256_maddubs_epi16(weights, l),
                       _mm256_shuffle_epi8(fractions, high_y));
 }
 
-inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_lanes, const uint32_t* corner,
-                        const uint16_t* fraction, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
-  const __m256i first_x = _mm256_setr_epi8(0, 0, 0, 0, 0, 0, 0, 0, 2, 2, 2, 2, 2, 2, 2, 2,  //
-                                           4, 4, 4, 4, 4, 4, 4, 4, 6, 6, 6, 6, 6, 6, 6, 6);
-  const __m256i first_y = _mm256_setr_epi8(-1, 1, -1, 1, -1, 1, -1, 1, -1, 3, -1, 3, -1, 3, -1, 3,  //
-                                           -1, 5, -1, 5, -1, 5, -1, 5, -1, 7, -1, 7, -1, 7, -1, 7);
-  const __m256i second_x = _mm256_add_epi8(first_x, _mm256_set1_epi8(8));
-  const __m256i second_y = _mm256_add_epi8(first_y, _mm256_set1_epi16(0x0800));
-  const __m256i f = _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(fraction)));
-  alignas(32) int32_t offset[lanes];
-  find_offsets(corner, stride_lanes, 3, offset);
-  asm volatile("" : "+m"(offset));
-  const uint8_t* below = source + stride;
-  const __m256i first = blend4(collect4(source, offset), collect4(below, offset), f, first_x, first_y);
-  const __m256i second = blend4(collect4(source, offset + 4), collect4(below, offset + 4), f, second_x, second_y);
-  // Packing works within halves: put the pixels back in order, group the channels, then bring each channel together.
-  const __m256i packed = _mm256_xor_si256(_mm256_packs_epi16(first, second), _mm256_set1_epi8(-128));
-  const __m256i ordered = _mm256_permutevar8x32_epi32(packed, _mm256_setr_epi32(0, 1, 4, 5, 2, 3, 6, 7));
-  const __m256i by_channel = _mm256_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15,  //
-                                              0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-  const __m256i grouped = _mm256_shuffle_epi8(ordered, by_channel);
+inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, const uint32_t* corner, const uint16_t* fraction,
+                        const int32_t* offset, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
+  const __m256i corners = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(corner));
+  // Mostly the pixels of a pair lie in one row, at most 3 apart: then one load serves both.
+  const __m256i distance = _mm256_sub_epi32(_mm256_srli_epi64(corners, 32), corners);
+  Quad front, back;
+  if (_mm256_testz_si256(distance, _mm256_set1_epi64x(0xfffffffc))) {
+    const __m256i bytes = _mm256_add_epi32(_mm256_add_epi32(distance, distance), distance);
+    const __m128i from_first = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0);
+    const __m128i from_second = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, -1, -1, 8, 8, 8, 8, 8, 8, 8, 8);
+    front = together(source, stride, offset, _mm256_shuffle_epi8(bytes, halves(from_first)));
+    back = together(source, stride, offset + 2, _mm256_shuffle_epi8(bytes, halves(from_second)));
+  } else {
+    front = apart(source, stride, offset);
+    back = apart(source, stride, offset + 2);
+  }
+  const __m256i f = halves(load16(reinterpret_cast<const uint8_t*>(fraction)));
+  const __m256i front_x = _mm256_setr_epi8(0, 0, 0, 0, 0, 0, 0, 0, 2, 2, 2, 2, 2, 2, 2, 2,  //
+                                           8, 8, 8, 8, 8, 8, 8, 8, 10, 10, 10, 10, 10, 10, 10, 10);
+  const __m256i front_y = _mm256_setr_epi8(-1, 1, -1, 1, -1, 1, -1, 1, -1, 3, -1, 3, -1, 3, -1, 3,  //
+                                           -1, 9, -1, 9, -1, 9, -1, 9, -1, 11, -1, 11, -1, 11, -1, 11);
+  const __m256i back_x = _mm256_add_epi8(front_x, _mm256_set1_epi8(4));
+  const __m256i back_y = _mm256_add_epi8(front_y, _mm256_set1_epi16(0x0400));
+  const __m256i words_front = blend4(front, f, front_x, front_y);
+  const __m256i words_back = blend4(back, f, back_x, back_y);
+  const __m256i pixels = _mm256_xor_si256(_mm256_packs_epi16(words_front, words_back), _mm256_set1_epi8(-128));
+  // 4 bytes a pixel, in order. Group the channels within halves, then bring each channel together.
+  const __m256i by_channel = halves(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
+  const __m256i grouped = _mm256_shuffle_epi8(pixels, by_channel);
   const __m256i planes = _mm256_permutevar8x32_epi32(grouped, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
-  const __m128i front = _mm256_castsi256_si128(planes);
-  _mm_storel_epi64(reinterpret_cast<__m128i*>(c0), front);
-  _mm_storel_epi64(reinterpret_cast<__m128i*>(c1), _mm_srli_si128(front, 8));
+  const __m128i low = _mm256_castsi256_si128(planes);
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(c0), low);
+  _mm_storel_epi64(reinterpret_cast<__m128i*>(c1), _mm_srli_si128(low, 8));
   _mm_storel_epi64(reinterpret_cast<__m128i*>(c2), _mm256_extracti128_si256(planes, 1));
 }
 
-inline void remap_gray_8(const uint8_t* source, ptrdiff_t stride, __m256i stride_lanes, const uint32_t* corner,
-                         const uint16_t* fraction, uint8_t* out) {
-  alignas(32) int32_t offset[lanes];
-  find_offsets(corner, stride_lanes, 1, offset);
+inline void remap_gray_8(const uint8_t* source, ptrdiff_t stride, const uint16_t* fraction, const int32_t* offset,
+                         uint8_t* out) {
   const __m256i upper = collect8(source, offset);
   const __m256i lower = collect8(source + stride, offset);
   // One 32-bit lane per pixel: two upper neighbours, then two lower ones.
@@ -131,18 +166,30 @@ inline void remap_gray_8(const uint8_t* source, ptrdiff_t stride, __m256i stride
 void remap_rgb(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
   if (span.count < lanes) return plain::remap_rgb(source, stride, span, c0, c1, c2);
   const __m256i stride_lanes = _mm256_set1_epi32(static_cast<int>(stride));
-  for (int i = 0; i < span.count; i += lanes) {
-    const int at = i + lanes <= span.count ? i : span.count - lanes;  // the last group may overlap the one before
-    remap_rgb_8(source, stride, stride_lanes, span.corner + at, span.fraction + at, c0 + at, c1 + at, c2 + at);
+  int32_t offset[chunk];
+  for (int first = 0; first < span.count; first += chunk) {
+    const int begin = first + lanes <= span.count ? first : span.count - lanes;
+    const int count = span.count - begin < chunk ? span.count - begin : chunk;
+    for (int i = 0; i < count; i += lanes) {
+      const int at = i + lanes <= count ? i : count - lanes;  // the last group may overlap the one before
+      find_offsets(span.corner + begin + at, stride_lanes, 3, offset + at);
+    }
+    for (int i = 0; i < count; i += lanes) {
+      const int in = i + lanes <= count ? i : count - lanes;
+      const int at = begin + in;
+      remap_rgb_8(source, stride, span.corner + at, span.fraction + at, offset + in, c0 + at, c1 + at, c2 + at);
+    }
   }
 }
 
 void remap_gray(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out) {
   if (span.count < lanes) return plain::remap_gray(source, stride, span, out);
   const __m256i stride_lanes = _mm256_set1_epi32(static_cast<int>(stride));
+  int32_t offset[lanes];
   for (int i = 0; i < span.count; i += lanes) {
     const int at = i + lanes <= span.count ? i : span.count - lanes;
-    remap_gray_8(source, stride, stride_lanes, span.corner + at, span.fraction + at, out + at);
+    find_offsets(span.corner + at, stride_lanes, 1, offset);
+    remap_gray_8(source, stride, span.fraction + at, offset, out + at);
   }
 }
 

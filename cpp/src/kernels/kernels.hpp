@@ -18,7 +18,7 @@ struct RemapSpan {
 };
 
 // A left neighbour must have this many pixels from itself to the end of its row.
-constexpr int remap_reach = 4;
+constexpr int remap_reach = 6;
 
 constexpr int stretch_reach = 16;
 
@@ -48,8 +48,8 @@ struct DepthLimits {
 struct Kernels {
   const char* name;
 
-  // Bilinear samples of an interleaved image, to one plane per channel. Three-channel kernels read 8 bytes from a left
-  // neighbour on, gray ones 4; whoever makes the spans sees to it that these lie inside the row (`remap_reach`).
+  // Bilinear samples of an interleaved image, to one plane per channel. Three-channel kernels read 16 bytes from a
+  // left neighbour on, gray ones 4; whoever makes the spans sees to it that these lie inside the row (`remap_reach`).
   void (*remap_rgb)(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1, uint8_t* c2);
   void (*remap_gray)(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out);
 
