@@ -151,8 +151,8 @@ int Estimator::postprocess_frame(const MapsOut& maps) {
   in.disparity = f.buffers.disparity();
   in.confidence = f.buffers.confidence();
   // Relative to the picture without its padding, which the grids include.
-  in.scale = {picture.height / (static_cast<double>(frame.height) * stride),
-              picture.width / (static_cast<double>(frame.width) * stride)};
+  in.view_scale = {static_cast<double>(picture.height) / frame.height, static_cast<double>(picture.width) / frame.width};
+  in.scale = {in.view_scale.y / stride, in.view_scale.x / stride};
   in.gain = static_cast<float>(static_cast<double>(frame.width) / picture.width);
   in.min_confidence = static_cast<float>(settings_.min_confidence);
   in.left = f.buffers.left();

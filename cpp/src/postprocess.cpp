@@ -1,9 +1,11 @@
 #include "postprocess.hpp"
 
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <string>
 
+#include "colour_rows.hpp"
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
 #include "threads.hpp"
@@ -36,7 +38,12 @@ void check(const PostprocessInput& in, const PostprocessOutput& out) {
   check_scale(in.scale, in.gain);
   check_grid({out.disparity.data, out.disparity.width, out.disparity.height}, "out_disparity");
   require(std::isfinite(in.min_confidence), "min_confidence", "must be finite", in.min_confidence);
-  if (in.left.data != nullptr) check_planar(in.left, out.disparity.width, out.disparity.height, "image");
+  check_scale(in.view_scale, in.gain);
+  if (in.left.data != nullptr) {
+    const auto needed = [](int size, double scale) { return static_cast<int>(std::ceil(size * scale - 1e-6)); };
+    check_planar(in.left, needed(out.disparity.width, in.view_scale.x), needed(out.disparity.height, in.view_scale.y),
+                 "image");
+  }
   check_geometry(in.geometry, out.depth != nullptr || out.sigma != nullptr);
 }
 
@@ -56,16 +63,15 @@ DepthLimits limits_of(const PostprocessInput& in) {
   return limits;
 }
 
-DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y) {
+DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y,
+                const std::array<const uint8_t*, 3>& colour) {
   const int64_t offset = static_cast<int64_t>(y) * out.disparity.width;
   DepthRow row{};
   row.disparity = out.disparity.row(y);
   row.confidence = out.confidence.row(y);
   row.reasons = out.reasons + offset;
   row.width = out.disparity.width;
-  if (in.left.data != nullptr) {
-    for (int plane = 0; plane < 3; ++plane) row.colour[plane] = in.left.row(plane, y);
-  }
+  for (int plane = 0; plane < 3; ++plane) row.colour[plane] = colour[plane];
   if (in.valid_left != nullptr) row.valid_left = in.valid_left + offset;
   if (in.valid_right != nullptr) row.valid_right = in.valid_right + offset;
   if (out.depth != nullptr) row.depth = out.depth + offset;
@@ -80,6 +86,10 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output) 
   thread_local RowResizer resizer;
   RowResizer& shared = resizer;  // the caller's, also inside the workers
   shared.prepare(input.disparity.width, input.disparity.height, output.disparity.width, input.scale);
+  thread_local ColourRows colours;
+  ColourRows& views = colours;  // likewise
+  const bool coloured = input.left.data != nullptr;
+  if (coloured) views.prepare(input.left, output.disparity.width, input.view_scale, shared.workers());
   const DepthLimits limits = limits_of(input);
   std::atomic<int> usable{0};
   const auto process_rows = [&](int begin, int end, int worker) {
@@ -87,7 +97,8 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output) 
     for (int y = begin; y < end; ++y) {
       shared.row(input.disparity, y, input.gain, worker, output.disparity.row(y));
       shared.row(input.confidence, y, 1.0f, worker, output.confidence.row(y));
-      count += kernels().depth_row(row_of(input, output, y), limits);
+      const auto colour = coloured ? views.row(input.left, y, worker) : std::array<const uint8_t*, 3>{};
+      count += kernels().depth_row(row_of(input, output, y, colour), limits);
     }
     usable += count;
   };

@@ -23,7 +23,8 @@ struct PostprocessInput {
   Scale scale;
   float gain = 1.0f;  // network pixels to frame pixels
   float min_confidence = 0.0f;
-  PlanarView left;                       // for saturation; no data: not tested
+  PlanarView left;  // as the network saw it, for saturation; no data: not tested
+  Scale view_scale;  // pixels of that view per output pixel; each output pixel takes the nearest
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;
   DepthGeometry geometry;

@@ -50,14 +50,15 @@ def postprocess(
 ) -> int:
     """Fill ``out`` from the session's last run and return the number of pixels that have an answer."""
     height, width = out.disparity.shape
-    gain = width / stage.size[0]
+    # Relative to the picture without its padding, which the session's grids include.
+    scale_y, scale_x = stage.size[1] / height, stage.size[0] / width
     stride = session.info.output_stride
     return _core.postprocess(
         session.disparity,
         session.confidence,
-        stage.size[1] / (height * stride),
-        stage.size[0] / (width * stride),
-        gain,
+        scale_y / stride,
+        scale_x / stride,
+        1.0 / scale_x,
         out.disparity,
         out.confidence,
         out.reasons,
@@ -72,4 +73,6 @@ def postprocess(
         geometry.doffs if geometry else 0.0,
         limits.min_depth_mm,
         limits.max_depth_mm,
+        scale_y,
+        scale_x,
     )
