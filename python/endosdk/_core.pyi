@@ -98,6 +98,6 @@ def postprocess(
     """Fill the full-size maps of one frame and return the number of pixels with ``reasons == 0``.
 
     Inputs float32 [h, w], maps [H, W], ``image`` uint8 [3, Hp, Wp] planar, of which an
-    output pixel takes the nearest (``image_scale``: image pixels per output pixel). Depth and sigma (mm) are NaN where a pixel
-    has a reason; both need ``focal_px`` and ``baseline_mm``.
+    output pixel takes the nearest (``image_scale``: image pixels per output pixel). Depth and sigma (mm) are NaN where
+    a pixel has a reason; both need ``focal_px`` and ``baseline_mm``.
     """
