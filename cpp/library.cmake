@@ -75,3 +75,7 @@ set(pc_folder ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 file(RELATIVE_PATH ENDOSDK_PC_TO_PREFIX /${pc_folder} /)
 configure_file(${PROJECT_SOURCE_DIR}/cmake/endosdk.pc.in endosdk.pc @ONLY)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/endosdk.pc DESTINATION ${pc_folder} COMPONENT sdk)
+
+# What tests and fuzzers open: the runtime of this checkout's Python environment, unless another is named.
+file(GLOB found ${PROJECT_SOURCE_DIR}/.venv/lib/python3*/site-packages/onnxruntime/capi/libonnxruntime.so.*)
+set(ENDOSDK_TEST_RUNTIME "${found}" CACHE FILEPATH "The libonnxruntime that tests open")

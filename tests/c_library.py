@@ -7,7 +7,19 @@ import importlib.util
 import os
 import shutil
 import subprocess
-from ctypes import POINTER, Structure, byref, c_char_p, c_double, c_int32, c_int64, c_size_t, c_uint32, c_uint64, c_void_p
+from ctypes import (
+    POINTER,
+    Structure,
+    byref,
+    c_char_p,
+    c_double,
+    c_int32,
+    c_int64,
+    c_size_t,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +29,7 @@ import pytest
 from endosdk import StereoCalibration
 from tests.conftest import ROOT
 
-BUILD = ROOT / "build" / "c-library"
+BUILD = ROOT / "build" / "release"  # of the preset that vendors use
 FORMATS = {"rgb": 0, "bgr": 1, "gray": 2}
 
 
