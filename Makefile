@@ -1,6 +1,7 @@
 # Two commands: `make demo` and `make test`. Each sets up what it needs in .venv and reuses it the next time.
 PYTHON ?= python3.11
 VENV := .venv
+PAIR := examples/data/demo
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 export ORT_DISABLE_TELEMETRY := 1
@@ -8,8 +9,8 @@ export ORT_DISABLE_TELEMETRY := 1
 .PHONY: demo test lint bench clean graphics
 
 demo: $(VENV)/.runtime
-	$(BIN)/endosdk predict examples/data/demo/left.png examples/data/demo/right.png \
-	    --calibration examples/data/rig.json --truth examples/data/demo/disparity.png --out out
+	$(BIN)/endosdk predict $(PAIR)/raw_left.png $(PAIR)/raw_right.png \
+	    --calibration $(PAIR)/rig.json --truth $(PAIR)/disparity.png --out out
 	@echo "look at out/overview.png"
 
 test: $(VENV)/.develop graphics lint
@@ -26,7 +27,7 @@ bench: $(VENV)/.runtime
 # What an application needs: the package with its processor runtime, no training, no renderer.
 $(VENV)/.runtime: $(VENV)/.python pyproject.toml CMakeLists.txt $(shell find cpp models examples/data python -type f -not -name '*.pyc')
 	@echo "installing endosdk and its run time into $(VENV)"
-	@if [ ! -f $(VENV)/.develop ]; then $(PIP) '.[cpu]'; fi
+	@if [ -f $(VENV)/.develop ]; then $(MAKE) --no-print-directory $(VENV)/.develop; else $(PIP) '.[cpu]'; fi
 	@touch $@
 
 # What a developer needs: an editable install with every extra.

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from endosdk import _core
 from endosdk.calibration import StereoCalibration
 from endosdk.dataset import read_disparity
 from endosdk.image_files import read_frame
@@ -45,15 +44,16 @@ class RawPair:
 
 def sample_pairs() -> list[RawPair]:
     """Read every pair that came with the package, in the order of their names."""
-    folder = Path(_core.__file__).parent / "_samples"
-    calibration = StereoCalibration.load(folder / "rig.json")
-    return [
-        RawPair(
-            read_frame(pair / "left.png"),
-            read_frame(pair / "right.png"),
-            calibration,
-            read_disparity(pair / "disparity.png"),
-        )
-        for pair in sorted(folder.iterdir())
-        if pair.is_dir()
-    ]
+    # Copied into a wheel; a link to the repository's examples/data in an editable install.
+    folders = sorted((Path(__file__).parent / "_samples").glob("*/raw_left.png"))
+    return [read_pair(file.parent) for file in folders]
+
+
+def read_pair(folder: Path) -> RawPair:
+    """Read one pair from a folder with ``raw_left.png``, ``raw_right.png``, ``rig.json`` and ``disparity.png``."""
+    return RawPair(
+        read_frame(folder / "raw_left.png"),
+        read_frame(folder / "raw_right.png"),
+        StereoCalibration.load(folder / "rig.json"),
+        read_disparity(folder / "disparity.png"),
+    )
