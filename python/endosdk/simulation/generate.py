@@ -16,7 +16,7 @@ from endosdk.dataset import FORMAT_VERSION, hash_sample, write_picture, write_re
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.raw import render_raw_sample
+from endosdk.simulation.raw import draw_rig, render_raw_sample
 from endosdk.simulation.sample import GENERATOR_VERSION, Limits, render_sample
 from endosdk.simulation.scene import MIX_SHARES, ORGANS
 
@@ -71,7 +71,7 @@ def generate(root: str | Path, recipe: Recipe, workers: int = 1, progress: bool 
         raise InvalidArgument("workers", "must be at least 1", workers)
     root = Path(root)
     _claim(root, recipe)
-    missing = [task for task in recipe.tasks() if not (root / task[0] / f"{task[1]:09d}").is_dir()]
+    missing = [task for task in recipe.tasks() if not _folder(root, *task).is_dir()]
     if missing:
         (root / "dataset.json").unlink(missing_ok=True)
         _render_all(root, recipe, missing, workers, progress)
@@ -99,6 +99,10 @@ def _claim(root: Path, recipe: Recipe) -> None:
             shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
     except OSError as error:
         raise StorageFailed("out", "the folder must be writable", f"{root}: {error}") from error
+
+
+def _folder(root: Path, split: str, seed: int) -> Path:
+    return root / split / f"{seed:09d}"
 
 
 def _render_all(root: Path, recipe: Recipe, tasks: list[tuple[str, int]], workers: int, progress: bool) -> None:
@@ -144,11 +148,14 @@ def _work(root: Path, recipe: Recipe, task: tuple[str, int]) -> None:
 
 
 def _make(renderer: Rasteriser, root: Path, recipe: Recipe, split: str, seed: int) -> None:
-    scene = (seed, recipe.organ, recipe.camera, recipe.limits)
+    if _folder(root, split, seed).is_dir():
+        return  # another run on the same folder was quicker
     if recipe.rig == "ideal":
-        write_sample(root, split, render_sample(renderer, *scene))
+        write_sample(root, split, render_sample(renderer, seed, recipe.organ, recipe.camera, recipe.limits))
         return
-    sample, raw = render_raw_sample(renderer, *scene)
+    # One rig takes the whole set, as in life.
+    rig = draw_rig(recipe.seed, recipe.camera)
+    sample, raw = render_raw_sample(renderer, rig, seed, recipe.organ, recipe.limits)
     extras: dict[str, Callable[[Path], None]] = {
         "raw_left.png": partial(write_picture, image=raw.left),
         "raw_right.png": partial(write_picture, image=raw.right),
@@ -161,7 +168,7 @@ def _record(root: Path, recipe: Recipe) -> dict[str, Any]:
     samples: dict[str, dict[str, str]] = {"train": {}, "test": {}}
     renderers = set()
     for split, seed in recipe.tasks():
-        folder = root / split / f"{seed:09d}"
+        folder = _folder(root, split, seed)
         samples[split][folder.name] = hash_sample(folder)
         renderers.add(json.loads((folder / "sample.json").read_text())["info"]["renderer"])
     seeds = {split: [int(min(ids)), int(max(ids))] for split, ids in samples.items() if ids}

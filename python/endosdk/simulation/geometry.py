@@ -50,6 +50,7 @@ def _tube(rng: np.random.Generator, shape: Tube) -> Mesh:
     sign = -1.0 if shape.inside else 1.0
     along_u, along_v = _differences(positions)
     normal = _facing(np.cross(along_v, along_u), sign * outward)
+    normal[0], normal[-1] = -sign * tangents[0], sign * tangents[-1]  # the ends are points, without a turn of their own
     travelled = np.concatenate(
         [np.zeros((1, columns)), np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=2), axis=0)]
     )

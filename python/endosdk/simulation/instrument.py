@@ -21,11 +21,7 @@ def instrument_parts(tool: Instrument, depth: Array, view: View, pose: Pose) -> 
     far = float(around.min()) * tool.hover
     sight = np.linalg.inv(view.matrix)
     tip = sight @ np.array([column, row, 1.0]) * far
-    direction = np.array([np.cos(tool.angle), np.sin(tool.angle), 0.0])
-    # Long enough to leave the picture whatever the angle.
-    length = 1.7 * view.width / view.matrix[0, 0] * far
-    out = direction * length
-    out[2] = -tool.approach * far
+    out = _clear_way(tool, depth, view, tip)
     axis = out / np.linalg.norm(out)
     radius = tool.radius * far
     side = np.cross(axis, np.array([0.0, 0.0, 1.0]))
@@ -45,6 +41,23 @@ def instrument_parts(tool: Instrument, depth: Array, view: View, pose: Pose) -> 
         rod = Rod(_world(start, pose), _world(stop, pose), first, last)
         parts.append(Part(rod, tissue, number, 256))
     return tuple(parts)
+
+
+def _clear_way(tool: Instrument, depth: Array, view: View, tip: Floats) -> Floats:
+    """Return the way from the tip out of the picture, bent towards the camera until no tissue is in it."""
+    direction = np.array([np.cos(tool.angle), np.sin(tool.angle), 0.0])
+    # Long enough to leave the picture whatever the angle.
+    out = direction * 1.7 * view.width / view.matrix[0, 0] * tip[2]
+    steps = np.linspace(0.05, 1.0, 60)[:, None]
+    for approach in np.arange(tool.approach, 0.8, 0.05):
+        out[2] = -approach * tip[2]
+        way = tip + steps * out
+        places = way @ view.matrix.T
+        columns, rows = np.round(places[:, :2] / places[:, 2:]).astype(int).T
+        seen = (columns >= 0) & (columns < view.width) & (rows >= 0) & (rows < view.height)
+        if (way[seen, 2] < 0.95 * depth[rows[seen], columns[seen]]).all():
+            break
+    return np.asarray(out)
 
 
 def _world(point: Floats, pose: Pose) -> Vector:

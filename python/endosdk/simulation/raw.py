@@ -61,20 +61,19 @@ def _turn(axis: Floats) -> Floats:
 
 
 def render_raw_sample(
-    renderer: Rasteriser, seed: int, organ: str, camera: StereoCamera, limits: Limits
+    renderer: Rasteriser, rig: StereoCalibration, seed: int, organ: str, limits: Limits
 ) -> tuple[Sample, RawPair]:
-    """Render what the seed's rig sees, and the sample in its rectified frame: the truth for what rectification yields.
+    """Render what a rig sees of the seed's scene, and the sample in its rectified frame, with the truth.
 
     The sample's own pictures are drawn in that frame directly, without the lens, so they are what perfect
     rectification would give.
     """
-    rig = draw_rig(seed, camera)
     geometry = rig.rectification()
     pair = aligned_pair(geometry.P1[:, :3], geometry.width, geometry.height, geometry.baseline_mm)
+    camera = StereoCamera(geometry.width, geometry.height, geometry.focal_px, geometry.baseline_mm)
     scene = draw_scene(seed, organ)
-    load_scene(renderer, scene)
-    ideal = StereoCamera(geometry.width, geometry.height, geometry.focal_px, geometry.baseline_mm)
-    placed = place_camera(renderer, scene, ideal, limits)
+    load_scene(renderer, scene, camera)
+    placed = place_camera(renderer, scene, camera, limits)
     placed, sample = draw_pair(renderer, placed, pair, limits)
     # The rig's frame is the rectified left camera's; a raw camera is that one, or its neighbour, turned back.
     apart = np.array([-geometry.baseline_mm, 0.0, 0.0])

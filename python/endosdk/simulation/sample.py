@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,11 @@ import numpy as np
 from endosdk.dataset import Sample, find_occlusion
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, rectified_pair
-from endosdk.simulation.geometry import build_mesh
+from endosdk.simulation.geometry import Mesh, build_mesh
 from endosdk.simulation.instrument import instrument_parts
 from endosdk.simulation.junction import join_lumens
 from endosdk.simulation.noise import Array
+from endosdk.simulation.organs import Part
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.scene import Scene, candidate_poses, draw_scene
 from endosdk.simulation.sensor import expose
@@ -23,6 +25,7 @@ from endosdk.simulation.texture import paint_tissue
 GENERATOR_VERSION = "1"
 POSE_TRIALS = 8
 PREVIEW_PX = 240
+TEXTURED_FOR_PX = 960  # width of picture for which the sizes of textures are given
 # A pose is refused when little of the picture is near, or when a fold right at the lens takes all the range.
 CLOSE_SHARE, CLOSE_DISPARITY = 0.25, 0.33
 LENS_SHARE, LENS_DISPARITY = 0.03, 0.85
@@ -56,7 +59,7 @@ class Placed:
 def render_sample(renderer: Rasteriser, seed: int, organ: str, camera: StereoCamera, limits: Limits) -> Sample:
     """Render the sample of this seed: a function of its arguments and of ``renderer.version`` alone."""
     scene = draw_scene(seed, organ)
-    load_scene(renderer, scene)
+    load_scene(renderer, scene, camera)
     placed = place_camera(renderer, scene, camera, limits)
     _, sample = draw_pair(renderer, placed, rectified_pair(camera), limits)
     renderer.clear()
@@ -86,35 +89,40 @@ def draw_pair(renderer: Rasteriser, placed: Placed, pair: RectifiedPair, limits:
     return placed, sample
 
 
-def load_scene(renderer: Rasteriser, scene: Scene) -> None:
-    """Build every surface of the scene and hand it to the renderer, replacing what it held."""
+def load_scene(renderer: Rasteriser, scene: Scene, camera: StereoCamera) -> None:
+    """Build every surface of the scene, as finely painted as the camera sees, and replace what the renderer held."""
     renderer.clear()
     meshes = [build_mesh(part.shape, (part.seed, 0)) for part in scene.parts]
     for part, mesh in zip(scene.parts, join_lumens([part.shape for part in scene.parts], meshes), strict=True):
-        texture = paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, part.texture_px)
-        renderer.add(mesh, part.tissue, texture)
+        _add(renderer, part, mesh, camera)
+
+
+def _add(renderer: Rasteriser, part: Part, mesh: Mesh, camera: StereoCamera) -> None:
+    pixels = max(64, round(part.texture_px * min(camera.width / TEXTURED_FOR_PX, 2.0)))
+    renderer.add(mesh, part.tissue, paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, pixels))
 
 
 def place_camera(renderer: Rasteriser, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
     """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range."""
     preview = rectified_pair(_smaller(camera)).left
     wanted = max(limits.largest * scene.nearest_share, 4 * limits.smallest)
-    best: tuple[float, Pose] | None = None
-    for _, pose in zip(range(POSE_TRIALS), candidate_poses(scene), strict=False):
-        depth = renderer.depth(preview, pose, 1.0)
-        fault = _pose_fault(depth, limits.smallest / wanted)
-        if best is None or fault < best[0]:
-            best = (fault, pose)
-        if fault == 0.0:
-            break
-    assert best is not None
-    pose = best[1]
+    pose = _choose_pose(renderer, scene, preview, limits.smallest / wanted)
     if scene.instrument is not None:
         for part in instrument_parts(scene.instrument, renderer.depth(preview, pose, 1.0), preview, pose):
-            mesh = build_mesh(part.shape, (part.seed, 0))
-            renderer.add(mesh, part.tissue, paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, part.texture_px))
+            _add(renderer, part, build_mesh(part.shape, (part.seed, 0)), camera)
     scale = _fit_scale(renderer, pose, camera, wanted)
     return Placed(scene, pose, scale, scale * float(np.median(renderer.depth(preview, pose, 1.0))))
+
+
+def _choose_pose(renderer: Rasteriser, scene: Scene, preview: View, smallest_share: float) -> Pose:
+    """Return the first candidate without fault, or the best of all that are tried."""
+    tried: list[tuple[float, int, Pose]] = []
+    for pose in islice(candidate_poses(scene), POSE_TRIALS):
+        fault = _pose_fault(renderer.depth(preview, pose, 1.0), smallest_share)
+        if fault == 0.0:
+            return pose
+        tried.append((fault, len(tried), pose))
+    return min(tried)[2]
 
 
 def _smaller(camera: StereoCamera) -> StereoCamera:

@@ -1,0 +1,136 @@
+"""A whole set: the same however it was made, continued after a kill, refused where it would mix with another."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from endosdk.cli import main
+from endosdk.dataset import open_dataset, verify_dataset
+from endosdk.errors import InvalidArgument
+from endosdk.simulation.generate import SEED_BLOCK, TEST_OFFSET, Recipe, generate
+
+SIZE = ("--width", "64", "--height", "48", "--focal", "27")
+SMALL = ("--organ", "ducts", "--seed", "3", "--max-disparity", "6", "--min-disparity", "0.2", *SIZE)
+
+
+def simulate(out: Path, *more: str) -> int:
+    return main(["simulate", "--out", str(out), *SMALL, *more])
+
+
+@pytest.fixture(scope="module")
+def whole(renderer: object, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three pairs rendered without interruption."""
+    out = tmp_path_factory.mktemp("whole") / "set"
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    return out
+
+
+def test_a_set_says_what_it_is(whole: Path) -> None:
+    record = json.loads((whole / "dataset.json").read_text())
+    assert record["name"] == "set"
+    assert record["camera"] == {"width": 64, "height": 48, "focal_px": 27.0, "baseline_mm": 10.0}
+    assert record["seeds"] == {
+        "train": [3 * SEED_BLOCK, 3 * SEED_BLOCK + 1],
+        "test": [3 * SEED_BLOCK + TEST_OFFSET] * 2,
+    }
+    train, test = (open_dataset(whole, split) for split in ("train", "test"))
+    assert (len(train), len(test)) == (2, 1)
+    assert train.sha256 == test.sha256
+    sample = train[1]
+    assert sample.left.shape == (48, 64, 3)
+    assert sample.info["organ"] == "ducts"
+    assert sample.info["scene"]["seed"] == 3 * SEED_BLOCK + 1
+
+
+def test_a_killed_run_is_continued_and_gives_the_same_set(whole: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["simulate", "--out", str(out), *SMALL, "--pairs", "2", "--test-pairs", "1"]
+    run = subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL)
+    limit = time.monotonic() + 120
+    while not list(out.glob("train/*")):
+        assert run.poll() is None
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+    os.kill(run.pid, signal.SIGKILL)
+    run.wait()
+    assert not (out / "dataset.json").exists()
+    finished = {path.name: path.stat().st_mtime_ns for path in out.glob("train/*")}
+    # What a kill in the middle of writing leaves behind must not count.
+    left_over = out / ".partial-train-003000001-1"
+    left_over.mkdir(exist_ok=True)
+    (left_over / "left.png").write_bytes(b"half")
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    assert not list(out.glob(".partial*"))
+    assert {name: (out / "train" / name).stat().st_mtime_ns for name in finished} == finished
+    assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
+
+
+def test_several_workers_make_the_same_set(whole: Path, tmp_path: Path) -> None:
+    assert simulate(tmp_path / "set", "--pairs", "2", "--test-pairs", "1", "--workers", "2") == 0
+    assert open_dataset(tmp_path / "set", "train").sha256 == open_dataset(whole, "train").sha256
+
+
+def test_check_finds_a_flipped_byte(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--check", str(whole)]) == 0
+    assert "3 of 3" in capsys.readouterr().out
+    out = tmp_path / "set"
+    assert simulate(out, "--pairs", "1") == 0
+    victim = next(out.glob("train/*/right.png"))
+    data = bytearray(victim.read_bytes())
+    data[len(data) // 2] ^= 1
+    victim.write_bytes(bytes(data))
+    capsys.readouterr()
+    assert main(["simulate", "--check", str(out)]) == 1
+    assert "train/003000000: its bytes differ" in capsys.readouterr().out
+
+
+def test_a_set_can_grow_but_not_change(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "set"
+    assert simulate(out, "--pairs", "1") == 0
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    assert all(fault is None for _, fault in verify_dataset(out))
+    assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
+    assert simulate(out, "--pairs", "2", "--baseline", "9") == 2
+    assert "out: must be new" in capsys.readouterr().err
+
+
+def test_a_strange_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thesis.txt").write_text("mine")
+    assert simulate(tmp_path, "--pairs", "1") == 2
+    assert "out: must be an empty or new folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert simulate(tmp_path / "file" / "set", "--pairs", "1") == 2
+    assert "out: the folder must be writable" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("organ", "liver"), ("renderer", "povray"), ("rig", "mono"), ("pairs", -1), ("pairs", 0), ("seed", 10_000)],
+)
+def test_a_recipe_names_what_is_wrong(name: str, value: object) -> None:
+    with pytest.raises(InvalidArgument, match=f"^{name}: "):
+        Recipe(**{name: value})  # type: ignore[arg-type]
+
+
+def test_no_worker_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match=r"^workers: "):
+        generate(tmp_path, Recipe(pairs=1), workers=0)
+
+
+def test_training_and_test_seeds_never_meet() -> None:
+    seeds = [seed for _, seed in Recipe(pairs=TEST_OFFSET, test_pairs=TEST_OFFSET, seed=4).tasks()]
+    assert len(seeds) == len(set(seeds))
+    assert max(seeds) < 5 * SEED_BLOCK

@@ -1,0 +1,107 @@
+"""A rendered sample: the same for the same seed, within its limits, and the two views agree with the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from endosdk.dataset import Sample
+from endosdk.errors import InvalidArgument
+from endosdk.simulation.camera import StereoCamera, rectified_pair
+from endosdk.simulation.rasteriser import Rasteriser
+from endosdk.simulation.sample import (
+    Limits,
+    draw_light,
+    draw_truth,
+    load_scene,
+    place_camera,
+    render_sample,
+)
+from endosdk.simulation.scene import ORGANS, draw_scene
+from tests.simulation.conftest import SMALL
+
+LIMITS = Limits(0.5, 17.5)
+
+
+@pytest.fixture(scope="module")
+def samples(renderer: Rasteriser) -> dict[str, Sample]:
+    return {organ: render_sample(renderer, 11, organ, SMALL, LIMITS) for organ in ORGANS}
+
+
+def at_match(picture: np.ndarray, disparity: np.ndarray, shift: float = 0.0) -> np.ndarray:
+    """The right picture where the left pixels' matches lie, moved by ``shift`` px."""
+    import cv2
+
+    rows, columns = np.indices(disparity.shape, np.float32)
+    place = columns - np.nan_to_num(disparity) + np.float32(shift)
+    return np.asarray(cv2.remap(picture, place, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+@pytest.mark.parametrize("organ", ORGANS)
+def test_a_sample_keeps_its_limits_and_has_truth_nearly_everywhere(samples: dict[str, Sample], organ: str) -> None:
+    sample = samples[organ]
+    assert sample.left.shape == sample.right.shape == (180, 240, 3)
+    assert sample.left.dtype == np.uint8
+    assert sample.disparity_right is not None
+    for disparity in (sample.disparity, sample.disparity_right):
+        assert np.nanmax(disparity) <= LIMITS.largest
+        assert (disparity[np.isfinite(disparity)] < LIMITS.smallest).mean() < 0.01
+        assert np.isnan(disparity).mean() < 0.01
+    assert np.nanmax(sample.disparity) > 0.3 * LIMITS.largest
+    assert 15 < sample.left.mean() < 240
+
+
+@pytest.mark.parametrize("organ", ORGANS)
+def test_left_and_right_truth_agree_where_both_see(samples: dict[str, Sample], organ: str) -> None:
+    sample = samples[organ]
+    assert sample.occlusion is not None
+    assert sample.disparity_right is not None
+    assert sample.occlusion.mean() < 0.25
+    # Half a pixel of slack keeps silhouettes out, where linear interpolation mixes two surfaces.
+    error = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)[~sample.occlusion]
+    smooth = error[error < 0.5]
+    assert len(smooth) > 0.97 * len(error)
+    assert np.quantile(smooth, 0.5) < 1e-3
+    assert np.quantile(smooth[smooth < 0.05], 0.99) < 0.05
+
+
+@pytest.mark.parametrize("organ", ["intestine", "abdomen"])
+def test_views_match_best_at_the_true_disparity(renderer: Rasteriser, organ: str) -> None:
+    camera = StereoCamera(480, 360, 200.0, 10.0)
+    scene = draw_scene(12, organ)
+    load_scene(renderer, scene, camera)
+    pair = rectified_pair(camera)
+    placed, truth = draw_truth(renderer, place_camera(renderer, scene, camera, Limits(1, 35)), pair, Limits(1, 35))
+    light = [draw_light(renderer, v, placed, pair, d) for v, d in zip((pair.left, pair.right), truth, strict=True)]
+    # Highlights move with the eye, so the darker tones alone are compared.
+    left, right = (np.minimum(view[..., 1], np.quantile(view[..., 1], 0.9)) for view in light)
+    error = {
+        shift: float(np.median(np.abs(at_match(right, truth[0], shift) - left))) for shift in (-1, -0.5, 0, 0.5, 1)
+    }
+    assert min(error, key=lambda shift: error[shift]) == 0
+    assert error[0] < 0.8 * min(error[-0.5], error[0.5])
+
+
+def test_the_same_seed_gives_the_same_bits(renderer: Rasteriser, samples: dict[str, Sample]) -> None:
+    again = render_sample(renderer, 11, "stomach", SMALL, LIMITS)
+    other = render_sample(renderer, 12, "stomach", SMALL, LIMITS)
+    first = samples["stomach"]
+    for name in ("left", "right", "disparity", "disparity_right", "occlusion"):
+        assert getattr(again, name).tobytes() == getattr(first, name).tobytes()
+    assert again.info == first.info
+    assert other.left.tobytes() != first.left.tobytes()
+
+
+@pytest.mark.parametrize(("smallest", "largest"), [(0.0, 60.0), (30.0, 20.0), (2.0, 300.0), (10.0, 30.0)])
+def test_impossible_limits_are_refused(smallest: float, largest: float) -> None:
+    with pytest.raises(InvalidArgument, match=r"^limits: "):
+        Limits(smallest, largest)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("width", (8, 100, 90.0, 8.0)), ("focal_px", (160, 120, 0.0, 8.0)), ("baseline_mm", (160, 120, 90.0, -1.0))],
+)
+def test_an_impossible_camera_is_refused(name: str, values: tuple[int, int, float, float]) -> None:
+    with pytest.raises(InvalidArgument, match=f"^{name}: "):
+        StereoCamera(*values)
