@@ -39,7 +39,7 @@ def _tube(rng: np.random.Generator, shape: Tube) -> Mesh:
     columns = 320 if shape.inside else 200
     _, length = even_points(np.asarray(shape.control), 8)
     step = 2.0 * np.pi * shape.radius / columns
-    rows = int(np.clip(length / step, 120, 800))
+    rows = int(np.clip(length / step, 120, 1000))
     centre, length = even_points(np.asarray(shape.control), rows)
     tangents, normals, binormals = moving_frames(centre)
     along = np.asarray(np.linspace(0.0, length, rows), np.float64)

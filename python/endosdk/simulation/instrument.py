@@ -45,19 +45,19 @@ def instrument_parts(tool: Instrument, depth: Array, view: View, pose: Pose) -> 
 
 def _clear_way(tool: Instrument, depth: Array, view: View, tip: Floats) -> Floats:
     """Return the way from the tip out of the picture, bent towards the camera until no tissue is in it."""
-    direction = np.array([np.cos(tool.angle), np.sin(tool.angle), 0.0])
-    # Long enough to leave the picture whatever the angle.
-    out = direction * 1.7 * view.width / view.matrix[0, 0] * tip[2]
-    steps = np.linspace(0.05, 1.0, 60)[:, None]
-    for approach in np.arange(tool.approach, 0.8, 0.05):
-        out[2] = -approach * tip[2]
+    seen = view.matrix @ tip / tip[2]
+    direction = np.array([np.cos(tool.angle), np.sin(tool.angle)])
+    # Where the shaft leaves the picture: at the first border that its direction reaches.
+    borders = np.where(direction > 0, (view.width, view.height), 0.0) - seen[:2]
+    edge = np.append(seen[:2] + direction * (borders / np.where(direction == 0, 1e-9, direction)).min(), 1.0)
+    steps = np.linspace(0.05, 0.95, 40)[:, None]
+    for approach in np.arange(tool.approach, 0.75, 0.05):
+        out = np.linalg.inv(view.matrix) @ edge * (1.0 - approach) * tip[2] - tip
         way = tip + steps * out
-        places = way @ view.matrix.T
-        columns, rows = np.round(places[:, :2] / places[:, 2:]).astype(int).T
-        seen = (columns >= 0) & (columns < view.width) & (rows >= 0) & (rows < view.height)
-        if (way[seen, 2] < 0.95 * depth[rows[seen], columns[seen]]).all():
+        columns, rows = (way[:, :2] / way[:, 2:] @ view.matrix[:2, :2].T + view.matrix[:2, 2]).astype(int).T
+        if (way[:, 2] < 0.93 * depth[np.clip(rows, 0, view.height - 1), np.clip(columns, 0, view.width - 1)]).all():
             break
-    return np.asarray(out)
+    return np.asarray(out * 1.25)
 
 
 def _world(point: Floats, pose: Pose) -> Vector:

@@ -22,7 +22,7 @@ from endosdk.simulation.sensor import expose
 from endosdk.simulation.shadow import near_shadow
 from endosdk.simulation.texture import paint_tissue
 
-GENERATOR_VERSION = "1"
+GENERATOR_VERSION = "2"
 POSE_TRIALS = 8
 PREVIEW_PX = 240
 TEXTURED_FOR_PX = 960  # width of picture for which the sizes of textures are given

@@ -52,7 +52,7 @@ def _grow(rng: np.random.Generator, mask: NDArray[np.uint8], trees: int, width: 
         # A bounded random turn: vessels wind, but seldom loop.
         turns = 0.6 * np.cumsum(rng.normal(0, 0.22, (count, STEPS)), 1) + rng.normal(0, 0.18, (count, STEPS))
         headings = heading[:, None] + turns
-        stride = (2.2 * np.maximum(wide, 1.5) + 3.0) * rng.uniform(0.5, 1.6, count)
+        stride = (2.2 * np.maximum(wide, 1.5) + 3.0) * rng.uniform(0.7, 1.7, count) ** 2
         moves = np.stack([np.cos(headings), np.sin(headings)], -1) * stride[:, None, None]
         points = np.concatenate([start[:, None], start[:, None] + np.cumsum(moves, 1)], 1)
         _draw(mask, points, wide)
