@@ -51,7 +51,7 @@ def _clear_way(tool: Instrument, depth: Array, view: View, tip: Floats) -> Float
     borders = np.where(direction > 0, (view.width, view.height), 0.0) - seen[:2]
     edge = np.append(seen[:2] + direction * (borders / np.where(direction == 0, 1e-9, direction)).min(), 1.0)
     steps = np.linspace(0.05, 0.95, 40)[:, None]
-    for approach in np.arange(tool.approach, 0.75, 0.05):
+    for approach in np.arange(tool.approach, 0.9, 0.05):
         out = np.linalg.inv(view.matrix) @ edge * (1.0 - approach) * tip[2] - tip
         way = tip + steps * out
         columns, rows = (way[:, :2] / way[:, 2:] @ view.matrix[:2, :2].T + view.matrix[:2, 2]).astype(int).T
