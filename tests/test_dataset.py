@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -185,6 +186,17 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         write_sample(tmp_path / "file", "train", make_sample())
     with pytest.raises(StorageFailed, match=r"^out: "):
         write_record(tmp_path / "file", {})
+
+
+def test_a_disk_that_fills_up_leaves_nothing_half_written(tmp_path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # no file may grow further: the kernel refuses the write
+    try:
+        with pytest.raises(StorageFailed, match=r"^out: the sample must be writable"):
+            write_sample(tmp_path, "train", make_sample())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_sample_written_again_replaces_the_first(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from endosdk.errors import DependencyMissing
 from endosdk.simulation.camera import Pose, StereoCamera, View, aligned_pair, rectified_pair
 from endosdk.simulation.geometry import Mesh
 from endosdk.simulation.rasteriser import Rasteriser
@@ -96,3 +97,9 @@ def test_missing_graphics_say_what_to_install() -> None:
     assert done.returncode == 0, done.stderr
     assert "libegl1" in done.stdout
     assert "RENDERER_UNAVAILABLE" in done.stdout
+
+
+def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "moderngl", None)  # what the import system leaves for a module that is not there
+    with pytest.raises(DependencyMissing, match=r"endosdk\[simulate\]"):
+        Rasteriser()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -30,8 +31,6 @@ def samples(renderer: Rasteriser) -> dict[str, Sample]:
 
 def at_match(picture: np.ndarray, disparity: np.ndarray, shift: float = 0.0) -> np.ndarray:
     """The right picture where the left pixels' matches lie, moved by ``shift`` px."""
-    import cv2
-
     rows, columns = np.indices(disparity.shape, np.float32)
     place = columns - np.nan_to_num(disparity) + np.float32(shift)
     return np.asarray(cv2.remap(picture, place, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
@@ -57,12 +56,15 @@ def test_left_and_right_truth_agree_where_both_see(samples: dict[str, Sample], o
     assert sample.occlusion is not None
     assert sample.disparity_right is not None
     assert sample.occlusion.mean() < 0.25
-    # Half a pixel of slack keeps silhouettes out, where linear interpolation mixes two surfaces.
-    error = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)[~sample.occlusion]
-    smooth = error[error < 0.5]
-    assert len(smooth) > 0.97 * len(error)
-    assert np.quantile(smooth, 0.5) < 1e-3
-    assert np.quantile(smooth[smooth < 0.05], 0.99) < 0.05
+    error = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)
+    # The comparison interpolates between two pixels, which is exact where the surface is straight along the row.
+    bend = np.abs(sample.disparity[:, :-2] - 2 * sample.disparity[:, 1:-1] + sample.disparity[:, 2:])
+    bent = cv2.dilate(np.pad(bend, ((0, 0), (1, 1)), constant_values=9.0), np.ones((5, 5))) > 0.05
+    plain = ~bent & (cv2.erode((~sample.occlusion).astype(np.uint8), np.ones((5, 5))) > 0)
+    assert plain.mean() > 0.5
+    assert np.quantile(error[plain], 0.99) < 0.01
+    # Elsewhere, too, most pixels agree: what is called visible has its match.
+    assert np.quantile(error[~sample.occlusion], 0.95) < 0.05
 
 
 @pytest.mark.parametrize("organ", ["intestine", "abdomen"])
