@@ -25,8 +25,8 @@ static_assert(sizeof(endo_options) == first_options && sizeof(endo_calibration) 
 constexpr size_t largest_struct = 65536;  // beyond it struct_size was surely never set
 
 void check_struct_size(size_t size, size_t first, const char* argument) {
-  require(size >= first && size <= largest_struct, ENDO_INVALID_ARGUMENT, std::string(argument) + ".struct_size",
-          "must be sizeof the struct, at least " + std::to_string(first), size);
+  require(size >= first && size <= largest_struct, ENDO_INVALID_ARGUMENT, Text(argument, ".struct_size"),
+          Text("must be sizeof the struct, at least ", first), size);
 }
 
 // A copy of the fields that both the caller and this library know; what only the caller knows must be zero.
@@ -49,8 +49,8 @@ void write_struct(Struct known, size_t size, Struct* target) {
   std::memcpy(target, &known, std::min(size, sizeof(Struct)));
 }
 
-template <typename Value>
-void require_argument(bool holds, const char* argument, const std::string& rule, const Value& value) {
+template <typename Rule, typename Value>
+void require_argument(bool holds, const char* argument, const Rule& rule, const Value& value) {
   require(holds, ENDO_INVALID_ARGUMENT, argument, rule, value);
 }
 
@@ -87,7 +87,7 @@ void check_numbers(const endo_options& o) {
 std::optional<Size> network_size(const endo_options& o) {
   const bool both = (o.network_width > 0 && o.network_height > 0) || (o.network_width == 0 && o.network_height == 0);
   require_argument(both, "network_width", "and network_height must both be positive, or both 0",
-                   std::to_string(o.network_width) + "x" + std::to_string(o.network_height));
+                   Text(o.network_width, "x", o.network_height));
   if (o.network_width == 0) return std::nullopt;
   return Size{o.network_width, o.network_height};
 }
@@ -97,7 +97,7 @@ ImageView view_of(const endo_image& image, const char* argument) {
   require_argument(known, argument, "must have an endo_pixel_format", image.format);
   require_argument(image.data != nullptr, argument, "must have data", "NULL");
   require_argument(image.width > 0 && image.height > 0, argument, "must be at least 1x1",
-                   std::to_string(image.width) + "x" + std::to_string(image.height));
+                   Text(image.width, "x", image.height));
   const int channels = image.format == ENDO_GRAY8 ? 1 : 3;
   const int64_t tight = int64_t{image.width} * channels;
   const int64_t stride = image.stride == 0 ? tight : image.stride;
@@ -165,7 +165,7 @@ void write_geometry(const Rig& rig, endo_geometry& geometry) {
 Size frame_size(int32_t width, int32_t height) {
   const bool fits = width > 0 && height > 0 && int64_t{width} * height <= std::numeric_limits<int32_t>::max() / 3;
   require_argument(fits, "size", "must be at least 1x1 and a frame less than 2 GiB",
-                   std::to_string(width) + "x" + std::to_string(height));
+                   Text(width, "x", height));
   return {width, height};
 }
 
@@ -174,7 +174,7 @@ FramePair frame_pair(const endo_image* left, const endo_image* right) {
   const endo_image r = read_struct(right, first_image, "right");
   FramePair pair = {view_of(l, "left"), view_of(r, "right"), order_of(l.format)};
   require_argument(l.width == r.width && l.height == r.height, "right", "must have the size of left",
-                   std::to_string(r.width) + "x" + std::to_string(r.height));
+                   Text(r.width, "x", r.height));
   require_argument(l.format == r.format, "right", "must have the format of left", r.format);
   frame_size(l.width, l.height);
   return pair;
@@ -189,7 +189,7 @@ void ResultWriter::accept(endo_result* result) {
 
 void ResultWriter::check_capacity(int width, int height) const {
   const uint64_t pixels = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
-  require_argument(known_.capacity >= pixels, "result.capacity", "must be at least " + std::to_string(pixels) + " pixels",
+  require_argument(known_.capacity >= pixels, "result.capacity", Text("must be at least ", pixels, " pixels"),
                    known_.capacity);
 }
 

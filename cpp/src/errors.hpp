@@ -5,17 +5,20 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "text.hpp"
+
 namespace endosdk {
 
-template <typename Value>
-[[noreturn]] void reject(std::string_view argument, std::string_view rule, const Value& value) {
+// Argument, rule and value may be anything that can be written to a stream; what must be put together is a Text.
+template <typename Rule, typename Value>
+[[noreturn]] void reject(std::string_view argument, const Rule& rule, const Value& value) {
   std::ostringstream message;
   message << argument << ": " << rule << "; got " << value;
   throw std::invalid_argument(message.str());
 }
 
-template <typename Value>
-void require(bool holds, std::string_view argument, std::string_view rule, const Value& value) {
+template <typename Rule, typename Value>
+void require(bool holds, std::string_view argument, const Rule& rule, const Value& value) {
   if (!holds) reject(argument, rule, value);
 }
 

@@ -7,7 +7,6 @@
 #include "build_info.hpp"
 #include "json.hpp"
 #include "kernels/kernels.hpp"
-#include "postprocess.hpp"
 #include "self_test.hpp"
 #include "status.hpp"
 #include "threads.hpp"
@@ -86,7 +85,7 @@ void Estimator::make_frames(Size frame) {
   RectifyStage stage(frame, rig_ ? &*rig_ : nullptr, settings_.network);
   Session::Buffers buffers(session_, stage.picture());
   const size_t pixels = static_cast<size_t>(frame.width) * static_cast<size_t>(frame.height);
-  frames_ = std::make_unique<Frames>(Frames{std::move(stage), std::move(buffers), SpareMaps(pixels)});
+  frames_ = std::make_unique<Frames>(Frames{std::move(stage), std::move(buffers), SpareMaps(pixels), {}});
   has_picture_ = false;
 }
 
@@ -168,7 +167,7 @@ int Estimator::postprocess_frame(const MapsOut& maps) {
   out.reasons = maps.reasons;
   out.depth = maps.depth;
   out.sigma = maps.sigma;
-  const int answered = postprocess(in, out);
+  const int answered = postprocess(in, out, f.scratch);
   write_u16(maps, f.pixels(), settings_.depth_unit_mm);
   return answered;
 }
@@ -191,7 +190,7 @@ void Estimator::rectified(uint8_t* left, uint8_t* right, size_t capacity) const 
           "no pair yet");
   const Size size = frames_->stage.picture();
   const size_t bytes = size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height);
-  require(capacity >= bytes, ENDO_INVALID_ARGUMENT, "capacity", "must be at least " + std::to_string(bytes) + " bytes",
+  require(capacity >= bytes, ENDO_INVALID_ARGUMENT, "capacity", Text("must be at least ", bytes, " bytes"),
           capacity);
   if (left != nullptr) copy_interleaved(frames_->buffers.left(), size, left);
   if (right != nullptr) copy_interleaved(frames_->buffers.right(), size, right);

@@ -8,6 +8,7 @@
 
 #include "latency.hpp"
 #include "maps.hpp"
+#include "postprocess.hpp"
 #include "rectify_stage.hpp"
 #include "rig.hpp"
 #include "session.hpp"
@@ -64,6 +65,7 @@ class Estimator {
     RectifyStage stage;
     Session::Buffers buffers;
     SpareMaps spare;
+    PostprocessScratch scratch;
 
     size_t pixels() const { return static_cast<size_t>(stage.frame().width) * static_cast<size_t>(stage.frame().height); }
   };

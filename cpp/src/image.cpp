@@ -3,7 +3,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <limits>
-#include <string>
 
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
@@ -14,7 +13,7 @@ namespace {
 
 constexpr int rows_per_block = 16;
 
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+auto size_text(int width, int height) { return Text(width, "x", height); }
 
 void pack_row(const ImageView& image, const PlanarView& out, ChannelOrder order, int y) {
   const PlaneRows rows(out, order, y);
@@ -38,7 +37,7 @@ PlaneRows::PlaneRows(const PlanarView& out, ChannelOrder order, int y)
 
 void check_source(const ImageView& image, ChannelOrder order, const char* name) {
   const int channels = order == ChannelOrder::gray ? 1 : 3;
-  require(image.channels == channels, name, "must have " + std::to_string(channels) + " channels for this order",
+  require(image.channels == channels, name, Text("must have ", channels, " channels for this order"),
           image.channels);
   require(image.width >= 1 && image.height >= 1, name, "must not be empty", size_text(image.width, image.height));
   const int64_t pitch = std::llabs(static_cast<long long>(image.stride));
@@ -51,7 +50,7 @@ void check_source(const ImageView& image, ChannelOrder order, const char* name) 
 
 void check_planar(const PlanarView& out, int min_width, int min_height, const char* name) {
   require(out.width >= min_width && out.height >= min_height, name,
-          "must be at least " + size_text(min_width, min_height), size_text(out.width, out.height));
+          Text("must be at least ", min_width, "x", min_height), size_text(out.width, out.height));
 }
 
 void pad_right(const PlanarView& out, int width, int y) {

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <string>
 
-#include "colour_rows.hpp"
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
 #include "threads.hpp"
@@ -34,7 +33,7 @@ void check(const PostprocessInput& in, const PostprocessOutput& out) {
   check_grid(in.confidence, "confidence");
   require(in.disparity.width == in.confidence.width && in.disparity.height == in.confidence.height, "confidence",
           "must have the size of disparity",
-          std::to_string(in.confidence.width) + "x" + std::to_string(in.confidence.height));
+          Text(in.confidence.width, "x", in.confidence.height));
   check_scale(in.scale, in.gain);
   check_grid({out.disparity.data, out.disparity.width, out.disparity.height}, "out_disparity");
   require(std::isfinite(in.min_confidence), "min_confidence", "must be finite", in.min_confidence);
@@ -82,12 +81,15 @@ DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y,
 }  // namespace
 
 int postprocess(const PostprocessInput& input, const PostprocessOutput& output) {
+  thread_local PostprocessScratch scratch;
+  return postprocess(input, output, scratch);
+}
+
+int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch) {
   check(input, output);
-  thread_local RowResizer resizer;
-  RowResizer& shared = resizer;  // the caller's, also inside the workers
+  RowResizer& shared = scratch.resizer;
   shared.prepare(input.disparity.width, input.disparity.height, output.disparity.width, input.scale);
-  thread_local ColourRows colours;
-  ColourRows& views = colours;  // likewise
+  ColourRows& views = scratch.colours;
   const bool coloured = input.left.data != nullptr;
   if (coloured) views.prepare(input.left, output.disparity.width, input.view_scale, shared.workers());
   const DepthLimits limits = limits_of(input);

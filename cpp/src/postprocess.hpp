@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "colour_rows.hpp"
 #include "image.hpp"
 #include "resize.hpp"
 
@@ -39,9 +40,18 @@ struct PostprocessOutput {
   float* sigma = nullptr;
 };
 
+// Tables and scratch rows, kept between frames so that a frame allocates nothing.
+struct PostprocessScratch {
+  RowResizer resizer;
+  ColourRows colours;
+};
+
 // Returns the number of pixels with no reason against them. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to
 // one network pixel is the confidence. Both are NaN where a pixel has a reason.
+int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch);
+
+// The same with scratch memory of the calling thread.
 int postprocess(const PostprocessInput& input, const PostprocessOutput& output);
 
 }  // namespace endosdk

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstring>
-#include <string>
 
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
@@ -16,11 +15,11 @@ constexpr int rows_per_block = 16;
 constexpr int steps_per_pixel = 128;  // of a stored position
 constexpr int max_side = 32767;       // coordinates are stored in 16 bits
 
-std::string size_text(Size size) { return std::to_string(size.width) + "x" + std::to_string(size.height); }
+auto size_text(Size size) { return Text(size.width, "x", size.height); }
 
 void check_size(Size size, const char* name) {
   require(size.width >= 1 && size.height >= 1 && size.width <= max_side && size.height <= max_side, name,
-          "must be 1x1 to " + size_text({max_side, max_side}), size_text(size));
+          Text("must be 1x1 to ", max_side, "x", max_side), size_text(size));
 }
 
 ViewMap build(const ViewGeometry& view, Size raw, Size rectified, const char* name) {
@@ -130,7 +129,7 @@ void Rectifier::rectify(const ImageView& left, const ImageView& right, const Pla
                         const PlanarView& out_right, ChannelOrder order) const {
   const auto check = [&](const ImageView& image, const char* name) {
     check_source(image, order, name);
-    require(image.width == raw_.width && image.height == raw_.height, name, "must be " + size_text(raw_),
+    require(image.width == raw_.width && image.height == raw_.height, name, Text("must be ", size_text(raw_)),
             size_text({image.width, image.height}));
   };
   check(left, "left");

@@ -1,7 +1,5 @@
 #include "rectify_stage.hpp"
 
-#include <string>
-
 #include "status.hpp"
 
 namespace endosdk {
@@ -9,7 +7,7 @@ namespace {
 
 bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
 
-std::string text(Size size) { return std::to_string(size.width) + "x" + std::to_string(size.height); }
+auto text(Size size) { return Text(size.width, "x", size.height); }
 
 }  // namespace
 
@@ -17,7 +15,7 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
     : frame_(frame), picture_(network.value_or(frame)), is_raw_(rig != nullptr && !rig->is_rectified()) {
   require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", text(frame));
   require(rig == nullptr || same(rig->size(), frame), ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",
-          "must be for frames of " + text(frame), rig != nullptr ? text(rig->size()) : "");
+          Text("must be for frames of ", text(frame)), text(rig != nullptr ? rig->size() : Size()));
   const bool resized = !same(picture_, frame_);
   if (!is_raw_ && !resized) return;
   const Rig source = is_raw_ ? *rig : Rig::identity(frame);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
@@ -31,7 +30,7 @@ Position position(int out, float scale, int size) {
 
 void check_grid(const FloatView& source, const char* name) {
   require(source.width >= 1 && source.height >= 1, name, "must not be empty",
-          std::to_string(source.width) + "x" + std::to_string(source.height));
+          Text(source.width, "x", source.height));
 }
 
 void check_scale(Scale scale, float gain) {

@@ -1,7 +1,6 @@
 #include "rig_rules.hpp"
 
 #include <cmath>
-#include <string>
 
 #include "linear.hpp"
 #include "status.hpp"
@@ -24,7 +23,7 @@ void check_finite(const double* values, int count, const char* argument) {
 void check_matrix(const double* k, const char* argument) {
   check_finite(k, 9, argument);
   require_rig(k[0] > 0.0 && k[4] > 0.0, argument, "must have positive focal lengths",
-              std::to_string(k[0]) + ", " + std::to_string(k[4]));
+              Text(k[0], ", ", k[4]));
   const bool plain = k[1] == 0.0 && k[3] == 0.0 && k[6] == 0.0 && k[7] == 0.0 && k[8] == 1.0;
   require_rig(plain, argument, "must read fx 0 cx, 0 fy cy, 0 0 1; skew is not supported", "another form");
 }
@@ -52,7 +51,7 @@ void check_translation(const double* t) {
   const double x = std::fabs(t[0]);
   const double y = std::fabs(t[1]);
   const double z = std::fabs(t[2]);
-  const std::string seen = std::to_string(t[0]) + ", " + std::to_string(t[1]) + ", " + std::to_string(t[2]);
+  const Text seen(t[0], ", ", t[1], ", ", t[2]);
   require_rig(x > 0.0 || y > 0.0 || z > 0.0, "translation", "must not be zero: the baseline must be positive", seen);
   require_rig(x >= y || y < z, "translation",
               "must point along x: this rig is vertical; turn both pictures by 90 degrees and calibrate again", seen);
@@ -67,7 +66,7 @@ void check_rig(const endo_calibration& rig) {
   require_rig(rig.camera_model == ENDO_PINHOLE || rig.camera_model == ENDO_FISHEYE, "camera_model",
               "must be ENDO_PINHOLE or ENDO_FISHEYE", rig.camera_model);
   require(rig.width > 0 && rig.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be two positive whole numbers",
-          std::to_string(rig.width) + "x" + std::to_string(rig.height));
+          Text(rig.width, "x", rig.height));
   const bool fisheye = rig.camera_model == ENDO_FISHEYE;
   check_matrix(rig.left_matrix, "left_matrix");
   check_matrix(rig.right_matrix, "right_matrix");

@@ -100,10 +100,4 @@ Runtime::Runtime(void* library, std::string path, bool was_loaded) : library_(li
 
 Runtime::~Runtime() { dlclose(library_); }
 
-void Runtime::check(OrtStatus* status, endo_status code, const char* argument, const std::string& rule_text) const {
-  if (status == nullptr) return;
-  const OrtHandle<OrtStatus> held(status, api_->ReleaseStatus);
-  fail(code, argument, rule_text, api_->GetErrorMessage(held.get()));
-}
-
 }  // namespace endosdk

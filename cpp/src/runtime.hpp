@@ -33,7 +33,12 @@ class Runtime {
   bool telemetry_on() const { return telemetry_on_; }
 
   // Turns a failed call of the runtime into an Error.
-  void check(OrtStatus* status, endo_status code, const char* argument, const std::string& rule) const;
+  template <typename Rule>
+  void check(OrtStatus* status, endo_status code, const char* argument, const Rule& rule) const {
+    if (status == nullptr) return;
+    const std::unique_ptr<OrtStatus, void(ORT_API_CALL*)(OrtStatus*)> held(status, api_->ReleaseStatus);
+    fail(code, argument, rule, api_->GetErrorMessage(held.get()));
+  }
 
  private:
   void* library_;

@@ -50,7 +50,7 @@ std::string full_provider_name(const Runtime& runtime, const std::string& wanted
   }
   const std::vector<std::string> available = available_providers(runtime);
   require(std::find(available.begin(), available.end(), name) != available.end(), ENDO_PROVIDER_UNAVAILABLE, "provider",
-          "must be one that this ONNX Runtime has (" + join(available) + ")", "'" + wanted + "'");
+          Text("must be one that this ONNX Runtime has (", join(available), ")"), "'" + wanted + "'");
   return name;
 }
 
@@ -66,7 +66,7 @@ void ORT_API_CALL forward_log(void* log, OrtLoggingLevel severity, const char*, 
 int padded(int length, int multiple) {
   const int64_t result = (int64_t{length} + multiple - 1) / multiple * multiple;
   require(result <= longest_side, ENDO_INVALID_ARGUMENT, "size",
-          "must be at most " + std::to_string(longest_side) + " px after padding", result);
+          Text("must be at most ", longest_side, " px after padding"), result);
   return static_cast<int>(result);
 }
 
@@ -109,14 +109,14 @@ void Session::open(const ModelFile& model, const SessionSettings& settings) {
   add_provider(options.get());
   OrtSession* session = nullptr;
   runtime_->check(api.CreateSessionFromArray(environment_.get(), model.data.data(), model.data.size(), options.get(), &session),
-                  ENDO_MODEL_UNREADABLE, "model", model.origin + " must be an ONNX file that runs here");
+                  ENDO_MODEL_UNREADABLE, "model", Text(model.origin, " must be an ONNX file that runs here"));
   session_.reset(session);
 }
 
 void Session::add_provider(OrtSessionOptions* options) const {
   const OrtApi& api = runtime_->api();
   const auto check = [&](OrtStatus* status) {
-    runtime_->check(status, ENDO_PROVIDER_UNAVAILABLE, "provider", provider_ + " must start on this machine");
+    runtime_->check(status, ENDO_PROVIDER_UNAVAILABLE, "provider", Text(provider_, " must start on this machine"));
   };
   if (provider_ == cpu_provider) return;
   // A node that cannot run on the accelerator is an error, never a silent move to the processor.
@@ -176,7 +176,7 @@ Session::Buffers::Buffers(const Session& session, Size picture)
   const OrtApi& api = runtime.api();
   const auto check = [&](OrtStatus* status) { runtime.check(status, ENDO_INTERNAL, "runtime", "must bind its memory"); };
   require(grid_.width > 0 && grid_.height > 0, ENDO_INVALID_ARGUMENT, "size", "must give the network at least one cell",
-          std::to_string(input_.width) + "x" + std::to_string(input_.height));
+          Text(input_.width, "x", input_.height));
   const size_t input = size_t{3} * static_cast<size_t>(input_.width) * static_cast<size_t>(input_.height);
   const size_t grid = static_cast<size_t>(grid_.width) * static_cast<size_t>(grid_.height);
   pixels_.resize(2 * input);

@@ -6,7 +6,8 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
-#include <string_view>
+
+#include "text.hpp"
 
 namespace endosdk {
 
@@ -20,15 +21,16 @@ class Error : public std::runtime_error {
   endo_status status_;
 };
 
-template <typename Value>
-[[noreturn]] void fail(endo_status status, std::string_view argument, std::string_view rule, const Value& value) {
+// Argument, rule and value may be anything that can be written to a stream; what must be put together is a Text.
+template <typename Argument, typename Rule, typename Value>
+[[noreturn]] void fail(endo_status status, const Argument& argument, const Rule& rule, const Value& value) {
   std::ostringstream message;
   message << argument << ": " << rule << "; got " << value;
   throw Error(status, message.str());
 }
 
-template <typename Value>
-void require(bool holds, endo_status status, std::string_view argument, std::string_view rule, const Value& value) {
+template <typename Argument, typename Rule, typename Value>
+void require(bool holds, endo_status status, const Argument& argument, const Rule& rule, const Value& value) {
   if (!holds) fail(status, argument, rule, value);
 }
 

@@ -45,7 +45,8 @@ int main(int argc, char** argv) {
   CHECK(endo_prepare(estimator.get(), width, height) == ENDO_OK);
   const Pair pair(width, height, 9);
   Output out(size_t{width} * height, true);
-  const std::vector<float> first = (CHECK(estimator.predict(pair, out) == ENDO_OK), out.disparity);
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+  const std::vector<float> first = out.disparity;
   for (int i = 0; i < 200; ++i) CHECK(estimator.predict(pair, out) == ENDO_OK);
 
   const Use before = use_now();

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cmath>
+#include <new>
 
 #include "support.hpp"
 
@@ -47,9 +48,10 @@ bool belongs_to_runtime() {
   return false;
 }
 
-// Whether this allocation is to fail.
-bool note() {
+// Whether the allocation that `caller` asks for is to fail.
+bool note(const void* caller) {
   if (!watching.load(std::memory_order_relaxed) || inside) return false;
+  if (runtime_code.holds(caller)) return false;  // the common case, told without a walk up the stack
   inside = true;
   const bool is_ours = !belongs_to_runtime();
   const bool fails = is_ours && ours.fetch_add(1) == fail_at.load();
@@ -61,11 +63,21 @@ bool note() {
 }  // namespace
 
 extern "C" {
-void* malloc(size_t size) { return note() ? nullptr : __libc_malloc(size); }
-void* calloc(size_t count, size_t size) { return note() ? nullptr : __libc_calloc(count, size); }
-void* realloc(void* old, size_t size) { return note() ? nullptr : __libc_realloc(old, size); }
-void* aligned_alloc(size_t alignment, size_t size) { return note() ? nullptr : __libc_memalign(alignment, size); }
+#define CALLER __builtin_return_address(0)
+void* malloc(size_t size) { return note(CALLER) ? nullptr : __libc_malloc(size); }
+void* calloc(size_t count, size_t size) { return note(CALLER) ? nullptr : __libc_calloc(count, size); }
+void* realloc(void* old, size_t size) { return note(CALLER) ? nullptr : __libc_realloc(old, size); }
+void* aligned_alloc(size_t alignment, size_t size) { return note(CALLER) ? nullptr : __libc_memalign(alignment, size); }
 }
+
+// Replaced as well, so that the caller seen is the one that wants the memory and not the C++ library.
+void* operator new(size_t size) {
+  void* memory = note(CALLER) ? nullptr : __libc_malloc(size);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, size_t) noexcept { std::free(memory); }
 
 namespace {
 

@@ -1,0 +1,23 @@
+// Text that is put together only when it is read, so that a check that holds costs no allocation in the frame path.
+#pragma once
+
+#include <ostream>
+#include <tuple>
+
+namespace endosdk {
+
+template <typename... Parts>
+class Text {
+ public:
+  explicit Text(Parts... parts) : parts_(parts...) {}
+
+  friend std::ostream& operator<<(std::ostream& out, const Text& text) {
+    std::apply([&](const auto&... part) { (out << ... << part); }, text.parts_);
+    return out;
+  }
+
+ private:
+  std::tuple<Parts...> parts_;
+};
+
+}  // namespace endosdk
