@@ -1,7 +1,7 @@
 # Two commands: `make demo` and `make test`. Each sets up what it needs in .venv and reuses it the next time.
 PYTHON ?= python3.11
 VENV := .venv
-PAIR := examples/data/demo
+SAMPLES := examples/data
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 export ORT_DISABLE_TELEMETRY := 1
@@ -9,8 +9,8 @@ export ORT_DISABLE_TELEMETRY := 1
 .PHONY: demo test lint bench clean graphics
 
 demo: $(VENV)/.runtime
-	$(BIN)/endosdk predict $(PAIR)/raw_left.png $(PAIR)/raw_right.png \
-	    --calibration $(PAIR)/rig.json --truth $(PAIR)/disparity.png --out out
+	$(BIN)/endosdk predict $(SAMPLES)/demo/left.png $(SAMPLES)/demo/right.png \
+	    --calibration $(SAMPLES)/rig.json --truth $(SAMPLES)/demo/disparity.png --out out
 	@echo "look at out/overview.png"
 
 test: $(VENV)/.develop graphics lint

@@ -9,8 +9,7 @@ from endosdk.cli import main
 from endosdk.samples import sample_pairs
 from tests.conftest import TINY_MODEL
 
-# The tiny model reaches 32 px: at a third of the size the shipped pairs stay within it.
-SMALL = ["--size", "480x360", "--network-size", "240x184", "--threads", "1", "--frames", "4", "--warmup", "1"]
+SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "4", "--warmup", "1"]
 
 
 def test_shipped_pairs_are_raw_and_have_truth():
@@ -34,20 +33,20 @@ def test_resized_pair_keeps_its_geometry():
 
 def test_record_has_every_key(tmp_path):
     file = tmp_path / "bench.json"
-    assert main(["bench", "--model", str(TINY_MODEL), *SMALL, "--against", "sgbm", "--json", str(file)]) == 0
+    assert main(["bench", "--model", "wang2020", *SMALL, "--against", "sgbm", "--json", str(file)]) == 0
     record = json.loads(file.read_text())
     assert record["fps"] > 0
     assert set(record["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(record["stages_ms"]) == {"rectify", "session", "postprocess"}
     assert record["peak_rss_mb"] > 10
-    assert 0 < record["epe_px"] < 20
+    assert 0 < record["epe_px"] < 3
     assert record["against"]["sgbm"]["fps"] > 0
     assert record["against"]["sgbm"]["epe_px"] > 0
     assert {"cpu", "threads", "versions", "commit"} <= set(record["machine"])
 
 
 def test_a_model_that_gives_nonsense_is_not_timed():
-    # At full size most disparities are beyond the tiny model's reach.
+    # Block matching without training loses its way on glare and smooth tissue, and reaches 32 px alone.
     settings = BenchSettings(str(TINY_MODEL), (960, 720), None, 1, 2, 1, "cpu", None)
     with pytest.raises(errors.InferenceFailed, match="before it is timed"):
         run_benchmark(settings)

@@ -43,17 +43,16 @@ class RawPair:
 
 
 def sample_pairs() -> list[RawPair]:
-    """Read every pair that came with the package, in the order of their names."""
+    """Read every pair that came with the package, in the order of their names; one rig took them all."""
     # Copied into a wheel; a link to the repository's examples/data in an editable install.
-    folders = sorted((Path(__file__).parent / "_samples").glob("*/raw_left.png"))
-    return [read_pair(file.parent) for file in folders]
-
-
-def read_pair(folder: Path) -> RawPair:
-    """Read one pair from a folder with ``raw_left.png``, ``raw_right.png``, ``rig.json`` and ``disparity.png``."""
-    return RawPair(
-        read_frame(folder / "raw_left.png"),
-        read_frame(folder / "raw_right.png"),
-        StereoCalibration.load(folder / "rig.json"),
-        read_disparity(folder / "disparity.png"),
-    )
+    folder = Path(__file__).parent / "_samples"
+    rig = StereoCalibration.load(folder / "rig.json")
+    return [
+        RawPair(
+            read_frame(disparity.with_name("left.png")),
+            read_frame(disparity.with_name("right.png")),
+            rig,
+            read_disparity(disparity),
+        )
+        for disparity in sorted(folder.glob("*/disparity.png"))
+    ]
