@@ -36,6 +36,11 @@ target_include_directories(endosdk_objects PUBLIC include src)
 target_include_directories(endosdk_objects SYSTEM PUBLIC ${ONNXRUNTIME_INCLUDE_DIR})
 target_link_libraries(endosdk_objects PUBLIC endosdk_core ${CMAKE_DL_LIBS} PRIVATE endosdk_flags)
 
+if(ENDOSDK_BUILD_TESTS)
+  # The ABI check reads the types of the interface from here.
+  set_source_files_properties(src/capi.cpp PROPERTIES COMPILE_OPTIONS -g)
+endif()
+
 if(BUILD_SHARED_LIBS)
   add_library(endosdk SHARED $<TARGET_OBJECTS:endosdk_objects>)
   target_link_libraries(endosdk PRIVATE endosdk_core ${CMAKE_DL_LIBS} endosdk_flags)
