@@ -6,14 +6,14 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: demo test lint bench clean graphics
+.PHONY: demo test lint bench clean graphics abi-tools
 
 demo: $(VENV)/.runtime
 	$(BIN)/endosdk predict $(SAMPLES)/demo/left.png $(SAMPLES)/demo/right.png \
 	    --calibration $(SAMPLES)/rig.json --truth $(SAMPLES)/demo/disparity.png --out out
 	@echo "look at out/overview.png"
 
-test: $(VENV)/.develop graphics lint
+test: $(VENV)/.develop graphics abi-tools lint
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/.develop
@@ -47,6 +47,12 @@ graphics:
 	@if ! ldconfig -p | grep -q libEGL.so.1; then \
 	    if [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq libegl1 libgl1-mesa-dri; \
 	    else echo "no EGL driver: renderer tests will be skipped (apt-get install libegl1 libgl1-mesa-dri)"; fi; fi
+
+# The C library's ABI is compared by abidiff. Without rights to install it that test is skipped.
+abi-tools:
+	@if ! command -v abidiff > /dev/null; then \
+	    if [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq abigail-tools pkg-config; \
+	    else echo "no abidiff: the ABI test will be skipped (apt-get install abigail-tools)"; fi; fi
 
 clean:
 	rm -rf build dist out $(VENV)

@@ -7,6 +7,7 @@ import importlib.util
 import os
 import shutil
 import subprocess
+import sys
 from ctypes import (
     POINTER,
     Structure,
@@ -28,6 +29,9 @@ import pytest
 
 from endosdk import StereoCalibration
 from tests.conftest import ROOT
+
+# The environment's own CMake and Ninja serve where the system has none.
+os.environ["PATH"] = os.pathsep.join([os.environ["PATH"], str(Path(sys.executable).parent)])
 
 BUILD = ROOT / "build" / "release"  # of the preset that vendors use
 FORMATS = {"rgb": 0, "bgr": 1, "gray": 2}

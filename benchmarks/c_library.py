@@ -1,0 +1,152 @@
+"""The long checks of the C library: many frames, overhead, sanitizers, fuzzing. Minutes to an hour.
+
+    python -m benchmarks.c_library --json benchmarks/results/c_library.json [--only steadiness overhead sanitizers fuzz]
+
+A part that is not run keeps what the file says of it. Every part carries the machine and commit it was run on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.record import machine_record
+
+ROOT = Path(__file__).resolve().parents[1]
+TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
+FUZZERS = ("model", "calibration", "frame")
+
+
+def say(text: str) -> None:
+    print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+
+
+def run(*command: str | Path, **settings: Any) -> str:
+    """Run a program and return what it printed on standard output."""
+    return subprocess.run([str(c) for c in command], check=True, text=True, stdout=subprocess.PIPE, **settings).stdout
+
+
+def built(preset: str) -> Path:
+    """Build a preset and return its folder."""
+    say(f"building preset {preset}")
+    generator = ["-G", "Ninja"] if shutil.which("ninja") else []
+    run("cmake", "--preset", preset, *generator, cwd=ROOT)
+    run("cmake", "--build", ROOT / "build" / preset, "--parallel", cwd=ROOT)
+    return ROOT / "build" / preset
+
+
+def runtime_of(build: Path) -> str:
+    """The libonnxruntime that CMake found for this build's tests."""
+    line = re.search(r"^ENDOSDK_TEST_RUNTIME:FILEPATH=(.+)$", (build / "CMakeCache.txt").read_text(), re.M)
+    if line is None:
+        raise SystemExit("no libonnxruntime found: install endosdk[cpu] into .venv")
+    return line[1]
+
+
+def steadiness(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Memory, handles and threads before and after many small frames, in one process."""
+    build = built("release")
+    say(f"{arguments.frames} frames")
+    program = build / "cpp" / "tests" / "library" / "library_steadiness"
+    return dict(json.loads(run(program, runtime_of(build), TINY_MODEL, str(arguments.frames))))
+
+
+def overhead(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """A frame of the library against its parts called directly, in turns."""
+    build = built("release")
+    program = build / "cpp" / "tests" / "library" / "library_overhead"
+    results = []
+    for model, width, height, frames in ((TINY_MODEL, 640, 480, 200), (arguments.model, 960, 720, 60)):
+        if not model.is_file():
+            continue
+        for threads in (1, 2):
+            say(f"overhead: {model.name}, {width}x{height}, {threads} threads")
+            numbers = run(program, runtime_of(build), model, str(width), str(height), str(frames), str(threads))
+            results.append({"model": model.stem, **json.loads(numbers)})
+    return results
+
+
+def sanitizers(_: argparse.Namespace) -> dict[str, Any]:
+    """All C++ tests under each sanitizer; a single report fails its test."""
+    results = {}
+    for preset in ("asan", "ubsan", "tsan"):
+        build = built(preset)
+        say(f"testing under {preset}")
+        report = run("ctest", "--test-dir", build, "--output-on-failure")
+        found = re.search(r"100% tests passed, 0 tests failed out of (\d+)", report)
+        results[preset] = {"tests": int(found[1]) if found else 0, "failed": 0 if found else "see the log"}
+    return results
+
+
+def fuzz(arguments: argparse.Namespace) -> dict[str, Any]:
+    """libFuzzer, with address and undefined-behaviour sanitizers, on each kind of input."""
+    build = built("fuzz")
+    environment = {
+        **os.environ,
+        "ENDOSDK_ORT_LIBRARY": runtime_of(build),
+        "ENDOSDK_FUZZ_MODEL": str(TINY_MODEL),
+        "ASAN_OPTIONS": "allocator_may_return_null=1",
+    }
+    results = {}
+    for name in FUZZERS:
+        say(f"fuzzing {name} for {arguments.fuzz_seconds} s")
+        with tempfile.TemporaryDirectory() as scratch:
+            if name == "model":
+                shutil.copy(TINY_MODEL, scratch)
+            command = [
+                str(build / "cpp" / "fuzz" / f"fuzz_{name}"),
+                f"-max_total_time={arguments.fuzz_seconds}",
+                "-print_final_stats=1",
+                "-timeout=60",
+                f"-artifact_prefix={scratch}/",
+                *(["-max_len=16384"] if name == "model" else []),
+                scratch,
+                str(ROOT / "cpp" / "fuzz" / "corpus" / name),
+            ]
+            done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
+            runs = re.search(r"number_of_executed_units:\s*(\d+)", done.stderr)
+            edges = re.findall(r"cov: (\d+)", done.stderr)
+            if done.returncode != 0:
+                raise SystemExit(done.stderr[-6000:])
+            results[name] = {
+                "seconds": arguments.fuzz_seconds,
+                "inputs": int(runs[1]) if runs else 0,
+                "edges_reached": int(edges[-1]) if edges else 0,
+                "failures": 0,
+            }
+    return results
+
+
+PARTS = {"steadiness": steadiness, "overhead": overhead, "sanitizers": sanitizers, "fuzz": fuzz}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, required=True)
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--frames", type=int, default=20000)
+    parser.add_argument("--fuzz-seconds", type=int, default=600)
+    parser.add_argument(
+        "--model", type=Path, default=ROOT / "models" / "wang2020.onnx", help="second model of overhead"
+    )
+    arguments = parser.parse_args()
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+    record = json.loads(arguments.json.read_text()) if arguments.json.is_file() else {}
+    for name in arguments.only:
+        record[name] = {"result": PARTS[name](arguments), "machine": machine_record()}
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        arguments.json.write_text(json.dumps(record, indent=1) + "\n")
+        say(f"{name}: {json.dumps(record[name]['result'])}")
+
+
+if __name__ == "__main__":
+    main()
