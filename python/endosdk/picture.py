@@ -77,6 +77,7 @@ def _reasons(reasons: npt.NDArray[np.uint8]) -> Picture:
         picture[(reasons & reason.value) != 0] = colour
     present = [r for r in _REASON_STYLE if np.any(reasons & r.value)]
     scale = max(0.5, reasons.shape[0] / 900)
+    picture[: int((len(present) + 0.5) * 34 * scale), : int(270 * scale)] = _PAPER
     for row, reason in enumerate(present):
         colour, label = _REASON_STYLE[reason]
         share = 100 * float(np.mean((reasons & reason.value) != 0))
