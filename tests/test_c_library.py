@@ -328,6 +328,42 @@ def test_the_headers_own_program_runs(installed, tmp_path):
     assert re.fullmatch(rb"frame 1: (8\.\d|9\.\d) px in the middle\n", done.stdout), done.stdout
 
 
+@pytest.mark.parametrize("place", ["variable", "beside the library", "active environment"])
+def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path, place):
+    left, right = shifted_pair(48, 64, 5)
+    write_ppm(tmp_path / "left.ppm", left)
+    write_ppm(tmp_path / "right.ppm", right)
+    runtime = c.runtime_library()
+    known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV"}
+    variables = {name: value for name, value in os.environ.items() if name not in known}
+    beside = installed.library.parent / runtime.name
+    if place == "variable":
+        variables["ENDOSDK_ORT_LIBRARY"] = str(runtime)
+    elif place == "active environment":
+        packages = tmp_path / "venv" / "lib" / "python3.11" / "site-packages"
+        packages.mkdir(parents=True)
+        (packages / "onnxruntime").symlink_to(runtime.parents[1])
+        variables["VIRTUAL_ENV"] = str(tmp_path / "venv")
+    else:
+        beside.symlink_to(runtime)
+    files = [str(tmp_path / name) for name in ("left.ppm", "right.ppm", "depth.pgm")]
+    try:
+        subprocess.run([examples / "depth_cli", TINY_MODEL, *files], env=variables, check=True, capture_output=True)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def test_a_runtime_that_was_named_is_not_replaced_by_another(examples, installed, tmp_path):
+    write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
+    variables = environment(ENDOSDK_ORT_LIBRARY="/no/such/library.so", VIRTUAL_ENV=sys.prefix)
+    files = [str(tmp_path / "view.ppm")] * 2 + [str(tmp_path / "depth.pgm")]
+    done = subprocess.run(
+        [examples / "depth_cli", TINY_MODEL, *files], env=variables, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "/no/such/library.so" in done.stderr and "RUNTIME_MISSING" in done.stderr
+
+
 # ---- the binary ----
 
 

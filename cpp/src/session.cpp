@@ -54,13 +54,17 @@ std::string full_provider_name(const Runtime& runtime, const std::string& wanted
   return name;
 }
 
-void ORT_API_CALL forward_log(void* log, OrtLoggingLevel severity, const char*, const char*, const char* place,
+// Called from within the runtime, which no exception of the host's function may enter.
+void ORT_API_CALL forward_log(void* log, OrtLoggingLevel severity, const char*, const char*, const char*,
                               const char* message) {
-  (void)place;  // a source line of the runtime
   const endo_log_level level = severity >= ORT_LOGGING_LEVEL_ERROR     ? ENDO_LOG_ERROR
                                : severity == ORT_LOGGING_LEVEL_WARNING ? ENDO_LOG_WARNING
                                                                        : ENDO_LOG_INFO;
-  (*static_cast<const Log*>(log))(level, message);
+  try {
+    (*static_cast<const Log*>(log))(level, message);
+  } catch (...) {
+    // The line is lost; the frame is not.
+  }
 }
 
 int padded(int length, int multiple) {

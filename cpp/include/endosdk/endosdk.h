@@ -107,7 +107,7 @@ ENDO_API const char *endo_last_error(void);
 
 typedef enum endo_log_level { ENDO_LOG_ERROR = 1, ENDO_LOG_WARNING = 2, ENDO_LOG_INFO = 3 } endo_log_level;
 
-/* Receives one line without a newline, from any thread; it must not call the library. No log holds pixels. */
+/* Receives one line without a newline, from any thread; it must not call the library, nor throw. No log holds pixels. */
 typedef void (*endo_log_function)(void *context, int32_t level, const char *message);
 
 typedef struct endo_options {
