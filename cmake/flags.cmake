@@ -7,6 +7,7 @@ target_compile_options(
             -Wpedantic
             -Wshadow
             -Wconversion
+            -Wno-sign-conversion # clang counts it to the above, GCC does not
             -Wdouble-promotion
             -Wold-style-cast
             -Werror

@@ -77,8 +77,8 @@ void give_reasons(const float* confidence, int count, float last, float covered_
     const float cover = s.cover[i] < covered_from ? s.cover[i] : covered_from;
     const int finite = match < infinity;
     int r = confidence[i] >= min_confidence ? 0 : low_confidence;
-    r |= finite & (cover < match - 1.0f) ? occluded : 0;
-    r |= finite & ((match < 0.0f) | (match > last)) ? outside_overlap : 0;
+    r |= (finite & (cover < match - 1.0f)) ? occluded : 0;
+    r |= (finite & ((match < 0.0f) | (match > last))) ? outside_overlap : 0;
     r |= finite ? 0 : out_of_range;
     reasons[i] = static_cast<uint8_t>(r);
   }
