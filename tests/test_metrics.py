@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from endosdk import metrics
 from endosdk.errors import InvalidArgument
 
