@@ -39,7 +39,8 @@ def _tube(rng: np.random.Generator, shape: Tube) -> Mesh:
     columns = 320 if shape.inside else 200
     _, length = even_points(np.asarray(shape.control), 8)
     step = 2.0 * np.pi * shape.radius / columns
-    rows = int(np.clip(length / step, 120, 1000))
+    # Finer along the axis of a gut: its folds are narrow, and seen edge on they would show the grid.
+    rows = int(np.clip(length / (0.7 * step if shape.inside else step), 120, 1300))
     centre, length = even_points(np.asarray(shape.control), rows)
     tangents, normals, binormals = moving_frames(centre)
     along = np.asarray(np.linspace(0.0, length, rows), np.float64)
@@ -196,7 +197,8 @@ def _differences(positions: Floats) -> tuple[Floats, Floats]:
 
 
 def _facing(normals: Floats, towards: Floats) -> Floats:
-    return np.asarray(normals * np.sign(np.einsum("ijk,ijk->ij", normals, towards))[..., None])
+    """Turn the normals of a grid over, all together, if most face away: a fold that leans over has both kinds."""
+    return np.asarray(normals * np.sign(np.einsum("ijk,ijk->ij", normals, towards).sum()))
 
 
 def _hollow_shade(radius: Floats, scale: float, reach: int) -> Floats:

@@ -80,7 +80,7 @@ def draw_intestine(rng: np.random.Generator) -> tuple[tuple[Part, ...], Path]:
         inside=True,
         fold_spacing=radius * float(rng.uniform(0.2, 0.4) if small else rng.uniform(0.7, 1.5)),
         fold_height=float(rng.uniform(0.08, 0.2) if small else rng.uniform(0.12, 0.5)),
-        fold_width=radius * float(rng.uniform(0.03, 0.06) if small else rng.uniform(0.06, 0.16)),
+        fold_width=radius * float(rng.uniform(0.05, 0.08) if small else rng.uniform(0.08, 0.18)),
         fold_lean=float(rng.uniform(-0.4, 0.4)),
         sectors=0 if small else 3,
         taeniae=0.0 if small else float(rng.uniform(0.0, 0.12)),
