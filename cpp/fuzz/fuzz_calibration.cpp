@@ -6,6 +6,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   endo_calibration rig = {};
   if (size > sizeof rig) return -1;
   std::memcpy(&rig, data, size);
+  if (rig.struct_size > sizeof rig) return -1;  // may only name memory that the struct has
   const bool valid_size = endo_set_calibration(estimator, &rig) == ENDO_OK && int64_t{rig.width} * rig.height <= 96 * 96;
   if (valid_size) {
     endo_geometry geometry = {};

@@ -23,8 +23,10 @@ std::vector<uint8_t> memory_of(const endo_image& image) {
 }
 
 endo_image at_memory(endo_image image, std::vector<uint8_t>& memory) {
-  const int64_t up = image.stride < 0 && image.height > 1 ? -image.stride * (image.height - 1) : 0;
-  image.data = memory.empty() ? nullptr : memory.data() + up;
+  image.data = nullptr;
+  if (memory.empty()) return image;
+  const int64_t up = image.stride < 0 ? -image.stride * (image.height - 1) : 0;
+  image.data = memory.data() + up;
   return image;
 }
 
