@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -211,6 +212,7 @@ def main(arguments: list[str] | None = None) -> int:
             "machine": machine_record(),
             "instruction_set": _core.isa(),
             "opencv": cv2.__version__,
+            "load_average": [round(load, 2) for load in os.getloadavg()],  # other work on the machine blurs the times
             "results": results,
         }
         options.json.write_text(json.dumps(record, indent=2) + "\n")
