@@ -1,7 +1,5 @@
 """The one file every wheel must pass: seconds, offline, nothing but the installed package and pytest."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -9,13 +7,14 @@ import endosdk
 
 
 def smooth_pair(height: int, width: int, shift: int) -> tuple[np.ndarray, np.ndarray]:
-    """A textured plane seen by both cameras: right[x - shift] == left[x]."""
-    y, x = np.mgrid[:height, : width + shift].astype(np.float64)
-    waves = [
-        math.cos(k) * np.sin(x / (3.1 + k) + 1.7 * k) * np.cos(y / (4.3 + 0.6 * k) + k * k)
-        for k in (0.0, 1.3, 2.9, 5.1)
-    ]
-    picture = np.stack([150 + 22 * sum(waves), 85 + 25 * waves[0] + 20 * waves[2], 80 + 24 * waves[1]], axis=-1)
+    """A blotchy plane, nowhere periodic, seen by both cameras: right[x - shift] == left[x]."""
+    rng = np.random.default_rng(0)
+    picture = np.full((height, width + shift, 3), (150.0, 85.0, 80.0))
+    for cell, strength in ((2, 14.0), (5, 18.0), (16, 24.0)):
+        coarse = rng.standard_normal((height // cell + 2, (width + shift) // cell + 2, 3))
+        blotches = np.kron(coarse, np.ones((cell, cell, 1)))
+        smooth = sum(np.roll(blotches, (dy, dx), (0, 1)) for dy in range(cell) for dx in range(cell)) / cell**2
+        picture += strength * smooth[:height, : width + shift]
     picture = np.clip(picture, 0, 245).astype(np.uint8)
     return picture[:, :width].copy(), picture[:, shift:].copy()
 
