@@ -57,6 +57,10 @@ class Run:
     def __init__(self, config: TrainConfig, out: Path, rank: int = 0, world: int = 1, *, resume: bool = False) -> None:
         self.config, self.out, self.rank, self.world = config, out, rank, world
         self.device = _device(config.device)
+        # Before the data, which takes its time to open: a wrong name or range is told at once.
+        torch.manual_seed(config.seed)
+        self.network = build_network(config.network, config.max_disparity)
+        self.loss = build_loss(config.loss, config.balance)
         self.reader = open_dataset(Path(config.data), "train", layout=config.layout)
         train_pairs, self.held_out = split_pairs(self.reader, config)
         self.crops = Crops(
@@ -67,9 +71,6 @@ class Run:
             augment=config.augment,
             cache_gib=config.cache_gib,
         )
-        torch.manual_seed(config.seed)
-        self.network = build_network(config.network, config.max_disparity)
-        self.loss = build_loss(config.loss, config.balance)
         self.step, self.seconds = 0, 0.0
         self.history: list[dict[str, float]] = []
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
