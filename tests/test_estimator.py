@@ -129,6 +129,18 @@ def test_network_size_keeps_metric_depth_and_glare():
     assert np.all((result.reasons & Reason.SATURATED)[84:96, 204:216] != 0)
 
 
+def test_wide_frames_are_seen_smaller_by_default():
+    assert endosdk._core.usual_network_size(960, 720) == (960, 720)
+    assert endosdk._core.usual_network_size(1080, 1024) == (720, 683)
+    left, right = shifted_pair(96, 1200, 40)
+    estimator = DepthEstimator(TINY_MODEL)
+    result = estimator.predict(left, right)
+    assert estimator.diagnostics()["network_size"] == (720, 58)
+    assert result.disparity.shape == (96, 1200)
+    # 40 px lie beyond the 32 that the model finds at full size.
+    assert np.median(np.abs(result.disparity[16:-16, 200:-40] - 40)) < 0.5
+
+
 def test_bgr_equals_rgb(pair):
     rgb = DepthEstimator(TINY_MODEL).predict(*pair)
     bgr = DepthEstimator(TINY_MODEL, channel_order="bgr").predict(*(view[..., ::-1] for view in pair))

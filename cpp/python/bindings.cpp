@@ -13,6 +13,7 @@
 #include "errors.hpp"
 #include "image.hpp"
 #include "kernels/kernels.hpp"
+#include "network_size.hpp"
 #include "postprocess.hpp"
 #include "rectify.hpp"
 #include "resize.hpp"
@@ -294,6 +295,13 @@ void bind_rectification(py::module_& m) {
   m.def("stereo_rectify", &stereo_rectify_arrays, arg("model"), arg("K1"), arg("D1"), arg("K2"), arg("D2"), arg("R"),
         arg("T"), arg("width"), arg("height"), arg("alpha"),
         "Rectifying rotations R1, R2 and projections P1, P2 of a rig, as OpenCV computes them.");
+  m.def(
+      "usual_network_size",
+      [](int width, int height) {
+        const Size size = usual_network_size({width, height});
+        return std::make_tuple(size.width, size.height);
+      },
+      arg("width"), arg("height"), "Size at which the network sees a frame when the caller sets none.");
   m.def("undistort_map", &undistort_map, arg("model"), arg("K"), arg("D"), arg("R"), arg("P"), arg("width"),
         arg("height"), "Raw x and y of every rectified pixel, float32; NaN for rays that point backwards.");
   py::class_<Rectifier>(m, "Rectifier", "Turns raw pairs into rectified planar RGB; immutable once built.")

@@ -68,7 +68,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
             "sha256": estimator.model.sha256,
         },
         "size": list(settings.size),
-        "network_size": list(settings.network_size or settings.size),
+        "network_size": list(estimator.diagnostics()["network_size"]),
         "provider": estimator.diagnostics()["provider"],
         "frames": settings.frames,
         "epe_px": epe,
@@ -153,7 +153,7 @@ def _rectified(pair: RawPair) -> tuple[Picture, Picture]:
     """Rectify at the size of the frames, whatever size the network works at. RGB uint8 [H, W, 3]."""
     height, width = pair.left.shape[:2]
     left, right = (np.empty((3, height, width), np.uint8) for _ in range(2))
-    RectifyStage((width, height), pair.calibration, None)(pair.left, pair.right, left, right, "rgb")
+    RectifyStage((width, height), pair.calibration, (width, height))(pair.left, pair.right, left, right, "rgb")
     return np.ascontiguousarray(left.transpose(1, 2, 0)), np.ascontiguousarray(right.transpose(1, 2, 0))
 
 

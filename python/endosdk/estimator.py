@@ -29,8 +29,9 @@ class DepthEstimator:
             error; nothing falls back.
         threads: processor threads for every stage; default is the number of cores this process may use.
         channel_order: ``rgb`` or ``bgr``, the order of colour frames. Gray frames need none.
-        network_size: (width, height) the network works at, px; default is the size of the frames. Smaller is faster and
-            widens the disparity range in px of the frame; all outputs keep the size of the frame.
+        network_size: (width, height) the network works at, px; smaller is faster and widens the range of disparities in
+            px of the frame. Default: the size of the frames up to a width of 960; wider frames, whose disparities would
+            lie beyond the range, are seen 720 px wide. All outputs keep the size of the frame.
         min_confidence: below it a pixel has no answer, 0..1.
         depth_range_mm: (nearest, farthest) depth that counts as an answer.
         spinning: let waiting threads of the network poll; False saves power and costs some latency.
@@ -132,6 +133,7 @@ class DepthEstimator:
             "kernels": _core.isa(),
             "model": {"name": info.name, "version": info.version, "sha256": info.sha256},
             "calibration_sha256": None if self._calibration is None else self._calibration.sha256,
+            "network_size": self._network_size if self._frame_size is None else self._stage.size,
             "frames": self._frames,
         }
 
@@ -139,7 +141,8 @@ class DepthEstimator:
         """Build maps and buffers for this frame size; nothing changes when it is refused."""
         if self._frame_size == (width, height):
             return
-        stage = RectifyStage((width, height), self._calibration, self._network_size)
+        network_size = self._network_size or _core.usual_network_size(width, height)
+        stage = RectifyStage((width, height), self._calibration, network_size)
         multiple = self._session.info.input_multiple
         self._session.prepare(padded(stage.size[1], multiple), padded(stage.size[0], multiple))
         self._stage = stage

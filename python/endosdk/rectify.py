@@ -25,15 +25,15 @@ def check_pair(left: object, right: object) -> tuple[Frame, Frame]:
 class RectifyStage:
     """Rectifies raw frames of one size, or only repacks frames that are rectified already.
 
-    ``frame_size`` is (width, height) of the frames; ``network_size`` the size the network shall see (default: that of
-    the frames). ``size`` is (width, height) of the pictures written, before padding.
+    ``frame_size`` is (width, height) of the frames; ``network_size``, likewise, of the pictures written, before
+    padding; it stays readable as ``size``.
     """
 
     def __init__(
         self,
         frame_size: tuple[int, int],
         calibration: StereoCalibration | None,
-        network_size: tuple[int, int] | None,
+        network_size: tuple[int, int],
     ) -> None:
         if calibration is not None and frame_size != (calibration.width, calibration.height):
             raise CalibrationSizeMismatch(
@@ -41,7 +41,7 @@ class RectifyStage:
                 f"must be for frames of {frame_size[0]}x{frame_size[1]} (see StereoCalibration.scaled and .cropped)",
                 f"{calibration.width}x{calibration.height}",
             )
-        self.size = network_size or frame_size
+        self.size = network_size
         self.valid_left: Frame | None = None
         self.valid_right: Frame | None = None
         self._rectifier: _core.Rectifier | None = None

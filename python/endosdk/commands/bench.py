@@ -10,7 +10,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("--model", default="wang2020", help="shipped name or .onnx file (default: %(default)s)")
     parser.add_argument("--size", default="960x720", help="size of the camera frames (default: %(default)s)")
-    parser.add_argument("--network-size", metavar="WxH", help="size the network works at (default: that of the frame)")
+    parser.add_argument(
+        "--network-size",
+        metavar="WxH",
+        help="size the network works at (default: the frame, or 720 wide when it is over 960)",
+    )
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
     parser.add_argument("--frames", type=int, default=200, help="frames timed (default: %(default)s)")
     parser.add_argument("--warmup", type=int, default=20, help="frames before the clock starts (default: %(default)s)")

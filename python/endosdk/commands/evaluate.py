@@ -13,7 +13,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder of the data set")
     parser.add_argument("--split", default="test", help="train or test (default: %(default)s)")
     parser.add_argument("--pairs", type=int, help="only the first so many pairs (default: all)")
-    parser.add_argument("--network-size", metavar="WxH", help="size the network works at (default: that of the frame)")
+    parser.add_argument(
+        "--network-size",
+        metavar="WxH",
+        help="size the network works at (default: the frame, or 720 wide when it is over 960)",
+    )
     parser.add_argument("--provider", default="cpu", help="cpu, cuda, tensorrt (default: %(default)s)")
     parser.add_argument("--threads", type=int, help="processor threads (default: all)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")

@@ -22,7 +22,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, help="right view, a picture file")
     parser.add_argument("--model", default="wang2020", help="shipped name or .onnx file (default: %(default)s)")
     parser.add_argument("--calibration", type=Path, help="rig file; without it the pair must be rectified already")
-    parser.add_argument("--network-size", metavar="WxH", help="size the network works at (default: that of the frame)")
+    parser.add_argument(
+        "--network-size",
+        metavar="WxH",
+        help="size the network works at (default: the frame, or 720 wide when it is over 960)",
+    )
     parser.add_argument("--provider", default="cpu", help="cpu, cuda, tensorrt (default: %(default)s)")
     parser.add_argument("--threads", type=int, help="processor threads (default: all)")
     parser.add_argument("--truth", type=Path, help="true disparity of the rectified left view, 16-bit PNG times 256")
