@@ -56,15 +56,19 @@ def test_left_and_right_truth_agree_where_both_see(samples: dict[str, Sample], o
     assert sample.occlusion is not None
     assert sample.disparity_right is not None
     assert sample.occlusion.mean() < 0.25
-    error = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)
+    gap = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)
+    error = np.where(np.isfinite(gap), gap, np.inf)  # a neighbour without truth is no agreement
+    # Where branches meet a duct, single pixels may have no truth; the comparison has none beside them.
+    known = np.isfinite(error)
+    assert known[~sample.occlusion].mean() > 0.995
     # The comparison interpolates between two pixels, which is exact where the surface is straight along the row.
     bend = np.abs(sample.disparity[:, :-2] - 2 * sample.disparity[:, 1:-1] + sample.disparity[:, 2:])
     bent = cv2.dilate(np.pad(bend, ((0, 0), (1, 1)), constant_values=9.0), np.ones((5, 5))) > 0.05
-    plain = ~bent & (cv2.erode((~sample.occlusion).astype(np.uint8), np.ones((5, 5))) > 0)
+    plain = known & ~bent & (cv2.erode((~sample.occlusion).astype(np.uint8), np.ones((5, 5))) > 0)
     assert plain.mean() > 0.5
     assert np.quantile(error[plain], 0.99) < 0.01
     # Elsewhere, too, most pixels agree: what is called visible has its match.
-    assert np.quantile(error[~sample.occlusion], 0.95) < 0.05
+    assert np.quantile(error[known & ~sample.occlusion], 0.95) < 0.05
 
 
 @pytest.mark.parametrize("organ", ["intestine", "abdomen"])
