@@ -65,7 +65,7 @@ def overhead(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     build = built("release")
     program = build / "cpp" / "tests" / "library" / "library_overhead"
     results = []
-    for model, width, height, frames in ((TINY_MODEL, 640, 480, 200), (arguments.model, 960, 720, 60)):
+    for model, width, height, frames in ((TINY_MODEL, 640, 480, 100), (arguments.model, 960, 720, 12)):
         if not model.is_file():
             continue
         for threads in (1, 2):
