@@ -11,18 +11,19 @@ import pytest
 
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.curve import bezier
-from endosdk.simulation.scene import ORGANS, candidate_poses, draw_scene
+from endosdk.simulation.scene import MIXTURES, ORGANS, candidate_poses, draw_scene
 from endosdk.simulation.shapes import Tube
 
 
-@pytest.mark.parametrize("organ", [*ORGANS, "mix"])
+@pytest.mark.parametrize("organ", [*ORGANS, *MIXTURES])
 def test_same_seed_gives_the_same_scene(organ: str) -> None:
     assert draw_scene(5, organ) == draw_scene(5, organ)
     assert draw_scene(5, organ) != draw_scene(6, organ)
 
 
 def test_mix_draws_every_organ() -> None:
-    assert {draw_scene(seed, "mix").organ for seed in range(40)} == set(ORGANS)
+    for mixture, shares in MIXTURES.items():
+        assert {draw_scene(seed, mixture).organ for seed in range(40)} == set(shares)
 
 
 def test_same_scene_gives_the_same_poses() -> None:

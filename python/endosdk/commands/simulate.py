@@ -12,7 +12,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--out", type=Path, help="folder to write the data set to; a set begun there is continued")
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
-    parser.add_argument("--organ", default="mix", help="intestine, stomach, ducts, abdomen or mix (default)")
+    parser.add_argument(
+        "--organ", default="mix", help="intestine, stomach, ducts, abdomen, gi (the first three) or mix (default)"
+    )
     parser.add_argument("--pairs", type=int, default=100, help="training pairs (default 100)")
     parser.add_argument("--test-pairs", type=int, default=0, help="test pairs, of other seeds (default 0)")
     parser.add_argument("--seed", type=int, default=1, help="0..9999; another seed is another set (default 1)")

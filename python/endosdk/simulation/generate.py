@@ -18,7 +18,7 @@ from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.raw import draw_rig, render_raw_sample
 from endosdk.simulation.sample import GENERATOR_VERSION, Limits, render_sample
-from endosdk.simulation.scene import MIX_SHARES, ORGANS
+from endosdk.simulation.scene import MIXTURES, check_organ
 
 # Seeds of one set: training from the start of its block, testing from the middle, so that they never meet.
 SEED_BLOCK = 1_000_000
@@ -40,8 +40,7 @@ class Recipe:
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
-        if self.organ != "mix" and self.organ not in ORGANS:
-            raise InvalidArgument("organ", f"must be one of {', '.join(ORGANS)} or mix", self.organ)
+        check_organ(self.organ)
         if self.renderer != "gl":
             raise InvalidArgument("renderer", "must be gl", self.renderer)
         if self.rig not in RIGS:
@@ -180,7 +179,7 @@ def _record(root: Path, recipe: Recipe) -> dict[str, Any]:
         "renderers": sorted(renderers),
         "organ": recipe.organ,
         "rig": recipe.rig,
-        "organ_shares": MIX_SHARES if recipe.organ == "mix" else {recipe.organ: 1.0},
+        "organ_shares": MIXTURES.get(recipe.organ, {recipe.organ: 1.0}),
         "seeds": seeds,
         "camera": asdict(recipe.camera),
         "disparity_limits_px": asdict(recipe.limits),
