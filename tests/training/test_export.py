@@ -63,6 +63,7 @@ def test_the_file_describes_itself(model):
         "channel_order": "rgb",
         "license": "Apache-2.0",
         "training": '{"recipe":"none"}',
+        **({} if network.usual_width is None else {"usual_width": str(network.usual_width)}),
     }
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected
     assert "not a medical device" in metadata["endosdk.intended_use"]
@@ -97,7 +98,7 @@ def test_the_graph_is_the_one_that_runs_fast(model):
     name, _, path = model
     kinds = [node.op_type for node in onnx.load(path).graph.node]
     assert "BatchNormalization" not in kinds
-    assert kinds.count("Conv") == {"wang2020": 23, "fast": 16}[name]
+    assert kinds.count("Conv") == {"wang2020": 23, "fast": 14}[name]
     graph = onnx.load(path).graph
     ranks = {len(weight.dims) for weight in graph.initializer if weight.name.endswith("weight")}
     assert 5 not in ranks  # no 3-D convolution is left

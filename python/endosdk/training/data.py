@@ -14,6 +14,7 @@ from torch.utils.data import DataLoader, Dataset
 from endosdk.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
+from endosdk.training.frame_size import reduced_truth, reduced_view, reduction
 
 TRUTH_SCALE = 256.0  # disparity is cached in 1/256 px, as it is on disk
 
@@ -50,8 +51,9 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         seed: int,
         augment: bool = True,
         cache_gib: float = 8.0,
+        usual_width: int | None = None,
     ) -> None:
-        """Read the given samples of ``reader``; decoded pairs stay in memory up to ``cache_gib``."""
+        """Read the given samples of ``reader``, reduced to about ``usual_width``; memory keeps up to ``cache_gib``."""
         if not indices:
             raise InvalidArgument("data", "must hold at least one training pair", "none")
         self.reader = reader
@@ -59,6 +61,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         self.crop = crop
         self.seed = seed
         self.augment = augment
+        self.usual_width = usual_width
         self._cache: dict[int, _Stored] = {}
         self._room = int(cache_gib * 2**30)
 
@@ -93,10 +96,14 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         if index in self._cache:
             return self._cache[index]
         sample = self.reader[index]
-        right = sample.disparity_right
-        stored = _Stored(
-            sample.left, sample.right, _packed(sample.disparity), None if right is None else _packed(right)
+        factor = reduction(sample.left.shape[1], self.usual_width)
+        left, right = (reduced_view(view, factor) for view in (sample.left, sample.right))
+        truth, truth_right = (
+            None if truth is None else _packed(reduced_truth(truth, factor))
+            for truth in (sample.disparity, sample.disparity_right)
         )
+        assert truth is not None
+        stored = _Stored(left, right, truth, truth_right)
         if stored.size <= self._room:
             self._room -= stored.size
             self._cache[index] = stored

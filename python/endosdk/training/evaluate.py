@@ -16,6 +16,7 @@ from tqdm import tqdm
 from endosdk.dataset import DatasetReader, Sample
 from endosdk.scores import ScoreBoard
 from endosdk.training.data import planar
+from endosdk.training.frame_size import reduced_view, reduction
 from endosdk.training.networks.base import StereoNetwork
 
 
@@ -49,17 +50,25 @@ def predict_frames(
     network.eval()
     for index in tqdm(indices, desc=title, unit="pair", disable=not title, leave=False):
         sample = reader[index]
-        height, width = sample.left.shape[:2]
+        factor = reduction(sample.left.shape[1], network.usual_width)
         left, right = (
-            pad_to_multiple(planar(view)[None].to(device, torch.float32), network.input_multiple)
+            pad_to_multiple(planar(reduced_view(view, factor))[None].to(device, torch.float32), network.input_multiple)
             for view in (sample.left, sample.right)
         )
         prediction = network(left, right, refined=refined)
         *maps, evidence = (
-            to_input_grid(values, network.output_stride)[0, :, :height, :width].cpu()
+            _to_frame(values, network.output_stride * factor, sample)
             for values in (*prediction.disparities, prediction.evidence)
         )
-        yield Frame(sample, [found[0].numpy() for found in maps], evidence)
+        yield Frame(sample, [factor * found[0].numpy() for found in maps], evidence)
+
+
+def _to_frame(values: Tensor, stride: int, sample: Sample) -> Tensor:
+    """Enlarge [1, C, h, w] to the frame [C, H, W]; rows and columns beyond the grid repeat the last."""
+    height, width = sample.left.shape[:2]
+    whole = to_input_grid(values, stride)
+    missing = (0, max(0, width - whole.shape[3]), 0, max(0, height - whole.shape[2]))
+    return F.pad(whole, missing, mode="replicate")[0, :, :height, :width].cpu()
 
 
 def mean_errors(

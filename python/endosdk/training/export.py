@@ -126,4 +126,6 @@ def _metadata(network: StereoNetwork, info: ModelInfo) -> dict[str, str]:
         "training": json.dumps(info.training, sort_keys=True, separators=(",", ":")),
         "intended_use": info.intended_use,
     }
+    if network.usual_width is not None:
+        entries["usual_width"] = str(network.usual_width)
     return {f"endosdk.{key}": value for key, value in entries.items()}

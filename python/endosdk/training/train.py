@@ -70,6 +70,7 @@ class Run:
             seed=config.seed,
             augment=config.augment,
             cache_gib=config.cache_gib,
+            usual_width=self.network.usual_width,
         )
         self.step, self.seconds = 0, 0.0
         self.history: list[dict[str, float]] = []

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor, nn
 
 from endosdk.errors import InvalidArgument
@@ -31,11 +32,11 @@ class Window(NamedTuple):
 
 
 class Coarse(NamedTuple):
-    """Result of the matching stage, on the grid on which the refinement works and the answer is given."""
+    """Result of the matching stage, on the grid on which the refinement works: 1/``coarse_stride`` of the input."""
 
-    disparity: Tensor  # [N, 1, H/s, W/s], px at the input width
-    evidence: Tensor  # [N, K, H/s, W/s], what tells how far to trust it; no gradient flows through it
-    context: Tensor  # [N, C, H/s, W/s], what the refinement knows of the left view
+    disparity: Tensor  # [N, 1, h, w], px at the input width
+    evidence: Tensor  # [N, K, h, w], what tells how far to trust it; no gradient flows through it
+    context: Tensor  # [N, C, h, w], what the refinement knows of the left view
 
 
 class Prediction(NamedTuple):
@@ -51,7 +52,9 @@ class StereoNetwork(nn.Module, ABC):
     name: str
     max_disparity: int
     input_multiple: int
-    output_stride: int
+    coarse_stride: int  # input pixels per cell of the grid on which the refinement works
+    output_stride: int  # input pixels per cell of the answer
+    usual_width: int | None = None  # width at which frames are to be seen, px; None: any
     confidence: ConfidenceHead
 
     @abstractmethod
@@ -70,11 +73,18 @@ class StereoNetwork(nn.Module, ABC):
         """
         coarse = self.coarse(left, right)
         if not refined:
-            return Prediction([coarse.disparity], coarse.evidence)
+            return Prediction([self.on_answer_grid(coarse.disparity)], self.on_answer_grid(coarse.evidence))
         if window is None:
             return self.refine(coarse)
-        prediction = self.refine(Coarse(*(window.of(values, self.output_stride) for values in coarse)))
-        return Prediction([coarse.disparity, *prediction.disparities[1:]], prediction.evidence)
+        prediction = self.refine(Coarse(*(window.of(values, self.coarse_stride) for values in coarse)))
+        return Prediction([self.on_answer_grid(coarse.disparity), *prediction.disparities[1:]], prediction.evidence)
+
+    def on_answer_grid(self, values: Tensor) -> Tensor:
+        """Bring values of the coarse grid to the grid of the answer."""
+        factor = self.coarse_stride // self.output_stride
+        if factor == 1:
+            return values
+        return F.interpolate(values, scale_factor=float(factor), mode="bilinear", align_corners=False)
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that computes the same with layers that suit the deployed runtime.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
@@ -34,7 +35,7 @@ class ConvNorm(nn.Module):
         self.uneven = () if before == after else (before, after) * dims
         self.conv = conv(inputs, outputs, kernel, stride, 0 if self.uneven else before, dilation, bias=False)
         self.norm: nn.Module = norm(outputs)
-        self.activation = nn.LeakyReLU(slope)
+        self.activation: nn.Module = nn.LeakyReLU(slope) if slope else nn.ReLU()
         self.residual = residual
         nn.init.kaiming_normal_(self.conv.weight, a=slope)
 
@@ -73,6 +74,18 @@ def fold_batch_norm(network: nn.Module) -> None:
             module.norm = nn.Identity()
 
 
+COLOUR_GAIN, COLOUR_OFFSET = 1.0 / 64.0, -2.0  # bring 0..255 to -2..2, about the spread that initial weights expect
+
+
 def scaled_colours(image: Tensor) -> Tensor:
-    """Bring 0..255 to -2..2, about the spread that initial weights expect."""
-    return image * (1.0 / 64.0) - 2.0
+    """Bring 0..255 to -2..2."""
+    return image * COLOUR_GAIN + COLOUR_OFFSET
+
+
+def fold_colour_scaling(conv: nn.Module) -> None:
+    """Move `scaled_colours` into the convolution that follows it, in place; it must not pad its input."""
+    if not isinstance(conv, nn.Conv2d) or conv.padding != (0, 0) or conv.bias is None:
+        raise InvalidArgument("conv", "must be a 2-D convolution with a bias and no padding", conv)
+    with torch.no_grad():
+        conv.bias.add_(conv.weight.sum(dim=(1, 2, 3)) * COLOUR_OFFSET)
+        conv.weight.mul_(COLOUR_GAIN)

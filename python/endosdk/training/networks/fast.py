@@ -1,51 +1,74 @@
 """A small network for processors without a graphics card.
 
-It follows the operator timings of ONNX Runtime on CPUs rather than a count of multiplications: one patch convolution in
-place of a deep stem, a difference volume of few planes and few channels at 1/8 of the size, and nothing that is larger
-than 1/4 of it. The last factor of four is left to the C++ layer.
+It follows the operator timings of ONNX Runtime on CPUs rather than a count of multiplications: it sees frames 480 px
+wide, so that reading them costs a quarter; its wide layers are plain 2-D convolutions, which run in 8-bit integers; and
+the volume is as thin as matching allows. Differences of features are taken at 1/8 of the size but for every cell of
+1/4: an odd shift is an even one of features computed one cell further left, so nothing the size of a volume at 1/4 ever
+exists before the cost itself.
 """
 
 from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, check_max_disparity
-from endosdk.training.networks.blocks import ConvNorm, ResidualPair, scaled_colours
+from endosdk.training.networks.blocks import (
+    ConvNorm,
+    ResidualPair,
+    fold_batch_norm,
+    fold_colour_scaling,
+    scaled_colours,
+)
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.cost_volume import Aggregation, difference_volume, match_evidence, soft_argmin
+from endosdk.training.networks.cost_volume import match_evidence, soft_argmin
 
-CELL = 8  # input pixels per cell of the matching grid, and per disparity plane
-STRIDE = 4  # input pixels per cell of the answer
-STEM, FEATURES, MATCHED = 32, 48, 16  # channels at 1/4, at 1/8, in the volume; multiples of 16 fill the vector units
-SLOPE = 0.1
+CELL = 4  # input pixels per disparity plane, and per cell of the matching grid
+HALVED = 2  # cells of the matching grid per cell of the volume
+STRIDE = 2  # input pixels per cell of the answer
+ROUGH_SLOPE = 0.0  # plain rectifiers: runtimes fold them into 8-bit convolutions for nothing
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How wide and deep the parts are; channels in multiples of 16 fill the vector units."""
+
+    stem: int = 32  # channels at 1/4
+    blocks: int = 2  # residual pairs at 1/4, for both views
+    volume: int = 16  # channels of the volume
+    layers: int = 2  # convolutions over the volume
+    refine: int = 32  # channels of the refinement
+    refine_layers: int = 1  # between its first and last convolution
 
 
 class Fast(StereoNetwork):
-    """Patch stem, thin difference volume at 1/8, refinement and answer at 1/4; 0.18 M parameters."""
+    """Patch stem, difference volume at 1/8 with planes of 1/4, refinement at 1/4, answer at 1/2."""
 
     name = "fast"
-    input_multiple = CELL
+    input_multiple = CELL * HALVED
+    coarse_stride = CELL
     output_stride = STRIDE
+    usual_width = 480
+    reads_bytes = False  # the exported form has the scaling of colours in its weights
 
-    def __init__(self, max_disparity: int = 72) -> None:
+    def __init__(self, max_disparity: int = 48, shape: Shape | None = None) -> None:
         """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
         super().__init__()
-        self.max_disparity = check_max_disparity(max_disparity, CELL)
-        # Even kernels with even padding keep every cell centred on the pixels it stands for.
-        self.stem = ConvNorm(3, STEM, kernel=8, stride=STRIDE, padding=(2, 2), slope=SLOPE)
-        self.features = nn.Sequential(
-            ConvNorm(STEM, FEATURES, kernel=4, stride=2, padding=(1, 1), slope=SLOPE),
-            ResidualPair(FEATURES, SLOPE),
-            ResidualPair(FEATURES, SLOPE),
-            nn.Conv2d(FEATURES, MATCHED, 3, padding=1),
-        )
-        self.aggregation = Aggregation(MATCHED, layers=3, slope=SLOPE)
-        last = nn.Conv2d(STEM, 1, 3, padding=1)
+        shape = shape or Shape()
+        self.max_disparity = check_max_disparity(max_disparity, CELL * HALVED)
+        # Patches that do not overlap need no padding, so the scaling of colours folds into the first weights.
+        self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
+        self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
+        self.volume = DifferenceVolume(shape.stem, shape.volume, self.max_disparity // CELL)
+        self.aggregation = PlaneLayers(shape.volume, shape.layers)
+        last = nn.Conv2d(shape.refine, (CELL // STRIDE) ** 2, 3, padding=1)
         self.refinement = nn.Sequential(
-            ConvNorm(STEM + 1, STEM, slope=SLOPE),
-            *(ConvNorm(STEM, STEM, dilation=d, slope=SLOPE, residual=True) for d in (1, 2, 1)),
+            ConvNorm(shape.stem + 1, shape.refine, slope=ROUGH_SLOPE),
+            *(ConvNorm(shape.refine, shape.refine, dilation=2, slope=ROUGH_SLOPE) for _ in range(shape.refine_layers)),
             last,
         )
         # The refinement starts as the identity, so that it cannot spoil a coarse map that is already good.
@@ -54,21 +77,83 @@ class Fast(StereoNetwork):
         self.confidence = ConfidenceHead(channels=3)
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
-        """Match at 1/8 and upsample to 1/4."""
-        stems = self.stem(scaled_colours(torch.cat([left, right])))
-        views = self.features(stems)
+        """Match at 1/8 and give the cost at 1/4."""
+        both = torch.cat([left, right])
+        views = self.features(self.stem(both if self.reads_bytes else scaled_colours(both)))
         pairs = left.shape[0]
-        volume = difference_volume(views[:pairs], views[pairs:], self.max_disparity // CELL)
-        found = soft_argmin(self.aggregation(volume))
-        disparity = found.disparity * CELL
-        return Coarse(_doubled(disparity), _doubled(match_evidence(found, CELL)), stems[:pairs])
+        cost = self.aggregation(self.volume(views[:pairs], views[pairs:]))
+        found = soft_argmin(cost)
+        return Coarse(found.disparity * CELL, match_evidence(found, CELL), views[:pairs])
 
     def refine(self, coarse: Coarse) -> Prediction:
-        """Add what the left view tells about edges, and rectify."""
+        """Add what the left view tells about edges, at twice the resolution, and rectify."""
         correction = self.refinement(torch.cat([coarse.disparity / CELL, coarse.context], dim=1))
-        evidence = torch.cat([coarse.evidence, torch.log(correction.detach().abs() + 0.05)], dim=1)
-        return Prediction([coarse.disparity, torch.relu(coarse.disparity + correction)], evidence)
+        doubt = torch.log(correction.detach().abs().amax(dim=1, keepdim=True) + 0.05)
+        evidence = self.on_answer_grid(torch.cat([coarse.evidence, doubt], dim=1))
+        rough = self.on_answer_grid(coarse.disparity)
+        return Prediction([rough, torch.relu(rough + F.pixel_shuffle(correction, CELL // STRIDE))], evidence)
+
+    def export_form(self) -> StereoNetwork:
+        """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
+
+        The scaling of colours moves into the first weights, so that the network reads the bytes of the picture; the
+        difference becomes an addition, which runtimes have for 8-bit integers.
+        """
+        form = copy.deepcopy(self).eval()
+        fold_batch_norm(form)
+        form.volume.negate_right()
+        fold_colour_scaling(form.stem.conv)
+        form.reads_bytes = True
+        return form
 
 
-def _doubled(cells: Tensor) -> Tensor:
-    return F.interpolate(cells, scale_factor=2.0, mode="bilinear", align_corners=False)
+class DifferenceVolume(nn.Module):
+    """Differences of matching features for every shift of whole cells, on a grid of half the size."""
+
+    def __init__(self, inputs: int, channels: int, planes: int) -> None:
+        super().__init__()
+        self.planes = planes
+        self.match = nn.Conv2d(inputs, channels, 3, stride=HALVED, padding=1)
+        self.match_right: nn.Conv2d | None = None  # negated copy, in the exported form alone
+
+    def negate_right(self) -> None:
+        """Prepare for export: the right view gets a convolution of its own, whose output is added."""
+        self.match_right = copy.deepcopy(self.match)
+        with torch.no_grad():
+            for parameter in self.match_right.parameters():
+                parameter.neg_()
+
+    def forward(self, left: Tensor, right: Tensor) -> Tensor:
+        """Map two feature maps [N, C, h, w] to the volume [N, planes, channels, h/2, w/2]."""
+        negated = self.match_right is not None
+        match_right = self.match_right if self.match_right is not None else self.match
+        even = match_right(right)
+        # Centred one cell further left: two columns of padding before and none behind.
+        odd = F.conv2d(F.pad(right, (2, 0, 1, 1)), match_right.weight, match_right.bias, stride=HALVED)
+        own = self.match(left).unsqueeze(1)
+        room = (self.planes - 1) // HALVED
+        padded = [F.pad(view, (room, 0)) for view in (even, odd)]
+        shifts = [(padded[plane % HALVED], plane // HALVED) for plane in range(self.planes)]
+        shifted = torch.stack([view[..., room - k : (-k or None)] for view, k in shifts], dim=1)
+        return torch.relu(own + shifted if negated else own - shifted)
+
+
+class PlaneLayers(nn.Module):
+    """3x3x3 convolutions over the volume, written as 2-D ones over each plane and its two neighbours."""
+
+    def __init__(self, channels: int, layers: int) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList(ConvNorm(3 * channels, channels, slope=ROUGH_SLOPE) for _ in range(layers))
+        self.cost = nn.Conv2d(channels, HALVED**2, 1)
+
+    def forward(self, volume: Tensor) -> Tensor:
+        """Map the volume [N, D, C, h, w] to cost [N, 2h, 2w, D]."""
+        pairs, planes = volume.shape[:2]
+        for layer in self.layers:
+            # The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
+            nearer = torch.cat([volume[:, :1], volume[:, :-1]], dim=1)
+            farther = torch.cat([volume[:, 1:], volume[:, -1:]], dim=1)
+            neighbours = torch.cat([nearer, volume, farther], dim=2)
+            volume = torch.unflatten(layer(neighbours.flatten(0, 1)), 0, (pairs, planes))
+        cost = F.pixel_shuffle(self.cost(volume.flatten(0, 1)), HALVED)
+        return torch.unflatten(cost.squeeze(1), 0, (pairs, planes)).permute(0, 2, 3, 1)

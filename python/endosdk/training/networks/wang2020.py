@@ -37,7 +37,7 @@ class Wang2020(StereoNetwork):
 
     name = "wang2020"
     input_multiple = CELL
-    output_stride = 1
+    coarse_stride = output_stride = 1
 
     def __init__(self, max_disparity: int = 72) -> None:
         """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
