@@ -166,10 +166,10 @@ def test_the_volume_of_fast_is_the_difference_at_every_shift():
     found = volume(left, right)[0]
     assert found.shape == (7, 2, 4, 8)
     for shift in range(7):
-        # The plain way: move the right view by the shift, filling up with nothing, and convolve at every second cell.
+        # The plain way: move the right view by the shift and convolve at every second cell.
         moved = torch.nn.functional.pad(right, (shift, 0))[..., :16]
         expected = torch.relu(volume.match(left) - volume.match(moved))[0]
-        # Where the kernel reaches cells that the shift has pushed out of the picture, both see zeros but the bias.
+        # Where the kernel reaches cells that the shift has brought in from outside, the two fill up differently.
         inside = (shift + 1) // 2 + 1
         torch.testing.assert_close(found[shift][..., inside:], expected[..., inside:], atol=1e-5, rtol=0)
     negated = copy.deepcopy(volume)

@@ -54,6 +54,7 @@ class StereoNetwork(nn.Module, ABC):
     input_multiple: int
     coarse_stride: int  # input pixels per cell of the grid on which the refinement works
     output_stride: int  # input pixels per cell of the answer
+    reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
     usual_width: int | None = None  # width at which frames are to be seen, px; None: any
     confidence: ConfidenceHead
 
@@ -108,7 +109,8 @@ class Deployed(nn.Module):
 
     def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
         """Map uint8 [N, 3, H, W] to disparity and confidence, float32 [N, 1, H/s, W/s]."""
-        prediction = self.network(left.to(torch.float32), right.to(torch.float32))
+        views = (left, right) if self.network.reads_bytes else (left.to(torch.float32), right.to(torch.float32))
+        prediction = self.network(*views)
         return prediction.disparities[-1], self.network.confidence(prediction.evidence)
 
 

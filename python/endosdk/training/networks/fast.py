@@ -53,7 +53,6 @@ class Fast(StereoNetwork):
     coarse_stride = CELL
     output_stride = STRIDE
     usual_width = 480
-    reads_bytes = False  # the exported form has the scaling of colours in its weights
 
     def __init__(self, max_disparity: int = 48, shape: Shape | None = None) -> None:
         """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
@@ -79,7 +78,8 @@ class Fast(StereoNetwork):
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8 and give the cost at 1/4."""
         both = torch.cat([left, right])
-        views = self.features(self.stem(both if self.reads_bytes else scaled_colours(both)))
+        # The exported form has the scaling of colours in its weights.
+        views = self.features(self.stem(both.to(torch.float32) if self.reads_bytes else scaled_colours(both)))
         pairs = left.shape[0]
         cost = self.aggregation(self.volume(views[:pairs], views[pairs:]))
         found = soft_argmin(cost)
@@ -132,7 +132,8 @@ class DifferenceVolume(nn.Module):
         odd = F.conv2d(F.pad(right, (2, 0, 1, 1)), match_right.weight, match_right.bias, stride=HALVED)
         own = self.match(left).unsqueeze(1)
         room = (self.planes - 1) // HALVED
-        padded = [F.pad(view, (room, 0)) for view in (even, odd)]
+        # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
+        padded = [torch.cat([view[..., :1]] * room + [view], dim=-1) for view in (even, odd)]
         shifts = [(padded[plane % HALVED], plane // HALVED) for plane in range(self.planes)]
         shifted = torch.stack([view[..., room - k : (-k or None)] for view, k in shifts], dim=1)
         return torch.relu(own + shifted if negated else own - shifted)

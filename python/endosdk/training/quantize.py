@@ -1,0 +1,152 @@
+"""From an exported float model to one that computes its wide layers in 8-bit integers.
+
+Static quantisation in the QDQ form of ONNX: weights signed per channel, activations unsigned per tensor with ranges
+measured on rendered frames. Thin convolutions (the cost, the correction), the softmax, the soft-argmin, every
+enlargement and the confidence stay in float: there 8 bits would cost accuracy and save no time.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import numpy_helper
+from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
+from tqdm import tqdm
+
+from endosdk.dataset import DatasetReader
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.training.data import planar
+from endosdk.training.evaluate import pad_to_multiple
+from endosdk.training.frame_size import reduced_view, reduction
+
+WIDE = 16  # channels from which a convolution fills the integer units
+# Operators that only move values, between a convolution and the addition of its result.
+MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze")
+PREFIX = "endosdk."
+
+Names = dict[str, onnx.NodeProto]
+
+
+def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequence[int]) -> None:
+    """Write the 8-bit form of the float model ``source`` to ``out``; ranges come from the given pairs of ``reader``."""
+    if not indices:
+        raise InvalidArgument("indices", "must name at least one pair to measure ranges on", "none")
+    model = onnx.load(source)
+    properties = {entry.key: entry.value for entry in model.metadata_props}
+    wide = _wide_nodes(model.graph)
+    with tempfile.TemporaryDirectory() as folder:
+        # Kept in memory, the quantiser would write the model to a folder of its own choice.
+        draft = Path(folder) / "draft.onnx"
+        quantize_static(
+            source,
+            draft,
+            _Frames(reader, indices, properties),
+            quant_format=QuantFormat.QDQ,
+            per_channel=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            calibrate_method=CalibrationMethod.MinMax,
+            nodes_to_quantize=wide,
+            op_types_to_quantize=["Conv", "Relu", "Add", "Concat", "Slice"],
+            extra_options={"CalibMovingAverage": True},
+        )
+        quantised = onnx.load(draft)
+    read_bytes_directly(quantised.graph)
+    quantised.producer_name, quantised.producer_version = model.producer_name, model.producer_version
+    training = json.loads(properties[PREFIX + "training"])
+    training["quantisation"] = {"weights": "int8 per channel", "activations": "uint8", "pairs": len(indices)}
+    properties[PREFIX + "training"] = json.dumps(training, sort_keys=True, separators=(",", ":"))
+    del quantised.metadata_props[:]
+    onnx.helper.set_model_props(quantised, properties)
+    onnx.checker.check_model(quantised, full_check=True)
+    partial = out.with_name(out.name + ".partial")
+    try:
+        partial.write_bytes(quantised.SerializeToString(deterministic=True))
+        partial.replace(out)
+    except OSError as error:
+        raise StorageFailed("out", "must be writable", f"{out} ({error.strerror})") from error
+
+
+def read_bytes_directly(graph: onnx.GraphProto) -> None:
+    """Take the picture's bytes as 8-bit values of step 1, instead of making floats of them and quantising those again.
+
+    Replaces Cast, QuantizeLinear, DequantizeLinear by one DequantizeLinear of scale 1, in place.
+    """
+    users = _users(graph)
+    removed: list[str] = []
+    for cast in [node for node in graph.node if node.op_type == "Cast"]:
+        following = users.get(cast.output[0], [])
+        if len(following) != 1 or following[0].op_type != "QuantizeLinear":
+            continue
+        removed += [cast.name, following[0].name]
+        for dequantise in users[following[0].output[0]]:
+            dequantise.input[0] = cast.input[0]
+            for slot, value in ((1, np.float32(1.0)), (2, np.uint8(0))):
+                name = f"{dequantise.name}_byte_{slot}"
+                graph.initializer.append(numpy_helper.from_array(np.array(value), name))
+                dequantise.input[slot] = name
+    kept = [node for node in graph.node if node.name not in removed]
+    del graph.node[:]
+    graph.node.extend(kept)
+
+
+def _wide_nodes(graph: onnx.GraphProto) -> list[str]:
+    """Name the nodes to quantise: wide convolutions, and what moves, adds or rectifies their results."""
+    makers = {name: node for node in graph.node for name in node.output}
+    weights = {weight.name: weight.dims for weight in graph.initializer}
+    chosen = {node.name for node in graph.node if node.op_type == "Conv" and weights[node.input[1]][0] >= WIDE}
+    for node in graph.node:  # in the order of computation
+        if node.op_type in (*MOVES, "Add") and any(_comes_from(name, makers, chosen) for name in node.input):
+            chosen.add(node.name)
+    return [node.name for node in graph.node if node.name in chosen]
+
+
+def _comes_from(name: str, makers: Names, chosen: set[str]) -> bool:
+    """Tell whether a value is the result of a chosen node, perhaps moved."""
+    node = makers.get(name)
+    while node is not None:
+        if node.name in chosen:
+            return True
+        if node.op_type not in MOVES:
+            return False
+        node = makers.get(node.input[0])
+    return False
+
+
+def _users(graph: onnx.GraphProto) -> dict[str, list[onnx.NodeProto]]:
+    users: dict[str, list[onnx.NodeProto]] = {}
+    for node in graph.node:
+        for name in node.input:
+            users.setdefault(name, []).append(node)
+    return users
+
+
+class _Frames(CalibrationDataReader):  # type: ignore[misc]
+    """Hands the quantiser one pair after the other, as the model sees them."""
+
+    def __init__(self, reader: DatasetReader, indices: Sequence[int], properties: dict[str, str]) -> None:
+        self._feeds = self._read(reader, indices, properties)
+
+    def get_next(self) -> dict[str, NDArray[np.uint8]] | None:
+        """Return the next pair, None after the last."""
+        return next(self._feeds, None)
+
+    @staticmethod
+    def _read(reader: DatasetReader, indices: Sequence[int], properties: dict[str, str]) -> Iterator[dict[str, Any]]:
+        multiple = int(properties[PREFIX + "input_multiple"])
+        usual_width = properties.get(PREFIX + "usual_width")
+        for index in tqdm(indices, desc="measuring ranges", unit="pair"):
+            sample = reader[index]
+            factor = reduction(sample.left.shape[1], None if usual_width is None else int(usual_width))
+            feed = {}
+            for name, view in (("left", sample.left), ("right", sample.right)):
+                padded = pad_to_multiple(planar(reduced_view(view, factor))[None].float(), multiple)
+                feed[name] = padded.numpy().astype(np.uint8)
+            yield feed
