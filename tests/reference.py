@@ -36,6 +36,13 @@ def valid_mask(map_x: np.ndarray, map_y: np.ndarray, width: int, height: int) ->
     return ((map_x >= 0) & (map_y >= 0) & (map_x <= width - 1) & (map_y <= height - 1)).astype(np.uint8)
 
 
+def reduce(image: np.ndarray, factor: int) -> np.ndarray:
+    """Means over blocks of factor x factor pixels of uint8 [H, W, C], rounded half up; no part blocks."""
+    height, width = (side // factor for side in image.shape[:2])
+    blocks = image[: height * factor, : width * factor].astype(int).reshape(height, factor, width, factor, -1)
+    return (blocks.sum(axis=(1, 3)) + factor * factor // 2) // (factor * factor)
+
+
 def remap(image: np.ndarray, map_x: np.ndarray, map_y: np.ndarray) -> np.ndarray:
     """Bilinear samples of uint8 [H, W, C] at float positions, black outside, as float64 [height, width, C]."""
     height, width = image.shape[:2]

@@ -252,3 +252,35 @@ def test_one_rectifier_serves_two_threads() -> None:
         results = list(pool.map(lambda _: rectify(rectifier, *frames, "rgb", 240, 320), range(40)))
     for result in results:
         np.testing.assert_array_equal(result, expected)
+
+
+@every_isa
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize(("out_size", "factor"), [((162, 121), 2), ((120, 90), 2), ((100, 75), 3), ((81, 60), 4)])
+def test_a_much_smaller_picture_is_made_of_the_mean_of_blocks(
+    isa: str, order: str, out_size: tuple, factor: int
+) -> None:
+    _core.set_isa(isa)
+    width, height = 325, 243
+    rig = random_rig(5, 5, "pinhole", (width, height))
+    frames = pictures(width, height, order)
+    small = [
+        (*view[:4], view[4] * np.array([[out_size[0] / width], [out_size[1] / height], [1]])) for view in rig.views(0.0)
+    ]
+    ours = rectify(_core.Rectifier(width, height, *out_size, *small), *frames, order, out_size[1], out_size[0])
+    for frame, (model, matrix, *rest), result in zip(frames, small, ours, strict=True):
+        reduced = reference.reduce(frame.reshape(height, width, -1), factor)
+        matrix = matrix / [[factor], [factor], [1]]
+        matrix[:2, 2] -= 0.5 * (factor - 1) / factor  # the first pixel lies in the middle of the first block
+        twin = reference.remap(reduced, *reference.source_map(model, matrix, *rest, out_size))
+        assert_close(result, reference.planar(twin, order, out_size[1], out_size[0]))
+
+
+def test_a_fine_pattern_becomes_its_mean_and_not_another_pattern() -> None:
+    # Columns of black and white: taking every second pixel would show one or the other.
+    stripes = np.zeros((120, 160, 3), np.uint8)
+    stripes[:, ::2] = 255
+    view = ("pinhole", np.array([[200.0, 0, 79.5], [0, 200, 59.5], [0, 0, 1]]), np.zeros(5), np.eye(3))
+    half = np.array([[100.0, 0, 39.5, 0], [0, 100, 29.5, 0], [0, 0, 1, 0]])
+    left, _ = rectify(_core.Rectifier(160, 120, 80, 60, (*view, half), (*view, half)), stripes, stripes, "rgb", 60, 80)
+    assert np.abs(left[:, 2:-2, 2:-2].astype(int) - 128).max() <= 1

@@ -130,8 +130,11 @@ def test_network_size_keeps_metric_depth_and_glare():
 
 
 def test_wide_frames_are_seen_smaller_by_default():
-    assert endosdk._core.usual_network_size(960, 720) == (960, 720)
-    assert endosdk._core.usual_network_size(1080, 1024) == (720, 683)
+    assert endosdk._core.usual_network_size(960, 720, 0) == (960, 720)
+    assert endosdk._core.usual_network_size(1080, 1024, 0) == (720, 683)
+    assert endosdk._core.usual_network_size(960, 720, 480) == (480, 360)
+    assert endosdk._core.usual_network_size(1920, 1080, 480) == (480, 270)
+    assert endosdk._core.usual_network_size(320, 240, 480) == (320, 240)
     left, right = shifted_pair(96, 1200, 40)
     estimator = DepthEstimator(TINY_MODEL)
     result = estimator.predict(left, right)

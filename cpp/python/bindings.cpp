@@ -297,11 +297,11 @@ void bind_rectification(py::module_& m) {
         "Rectifying rotations R1, R2 and projections P1, P2 of a rig, as OpenCV computes them.");
   m.def(
       "usual_network_size",
-      [](int width, int height) {
-        const Size size = usual_network_size({width, height});
+      [](int width, int height, int usual_width) {
+        const Size size = usual_network_size({width, height}, usual_width);
         return std::make_tuple(size.width, size.height);
       },
-      arg("width"), arg("height"), "Size at which the network sees a frame when the caller sets none.");
+      arg("width"), arg("height"), arg("usual_width"), "Size at which the network sees a frame when the caller sets none.");
   m.def("undistort_map", &undistort_map, arg("model"), arg("K"), arg("D"), arg("R"), arg("P"), arg("width"),
         arg("height"), "Raw x and y of every rectified pixel, float32; NaN for rays that point backwards.");
   py::class_<Rectifier>(m, "Rectifier", "Turns raw pairs into rectified planar RGB; immutable once built.")

@@ -83,7 +83,8 @@ std::optional<Rig> Estimator::calibration() const {
 
 void Estimator::make_frames(Size frame) {
   if (frames_ && frames_->stage.frame().width == frame.width && frames_->stage.frame().height == frame.height) return;
-  RectifyStage stage(frame, rig_ ? &*rig_ : nullptr, settings_.network.value_or(usual_network_size(frame)));
+  const Size usual = usual_network_size(frame, session_.info().usual_width);
+  RectifyStage stage(frame, rig_ ? &*rig_ : nullptr, settings_.network.value_or(usual));
   Session::Buffers buffers(session_, stage.picture());
   const size_t pixels = static_cast<size_t>(frame.width) * static_cast<size_t>(frame.height);
   frames_ = std::make_unique<Frames>(Frames{std::move(stage), std::move(buffers), SpareMaps(pixels), {}});

@@ -86,6 +86,7 @@ ModelInfo parse_metadata(const MetadataLookup& lookup) {
   info.input_multiple = positive(lookup, "input_multiple");
   info.output_stride = positive(lookup, "output_stride");
   info.max_disparity = positive(lookup, "max_disparity");
+  if (lookup("endosdk.usual_width")) info.usual_width = positive(lookup, "usual_width");
   info.license = required(lookup, "license");
   info.intended_use = required(lookup, "intended_use");
   return info;

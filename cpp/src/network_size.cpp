@@ -6,15 +6,17 @@
 namespace endosdk {
 namespace {
 
-constexpr int trained_width = 960;
+constexpr int largest_width = 960;
 constexpr int reduced_width = 720;
 
 }  // namespace
 
-Size usual_network_size(Size frame) {
-  if (frame.width <= trained_width) return frame;
-  const double height = static_cast<double>(frame.height) * reduced_width / frame.width;
-  return {reduced_width, std::max(1, static_cast<int>(std::lround(height)))};
+Size usual_network_size(Size frame, int usual_width) {
+  const int largest = usual_width > 0 ? usual_width : largest_width;
+  if (frame.width <= largest) return frame;
+  const int width = usual_width > 0 ? usual_width : reduced_width;
+  const double height = static_cast<double>(frame.height) * width / frame.width;
+  return {width, std::max(1, static_cast<int>(std::lround(height)))};
 }
 
 }  // namespace endosdk

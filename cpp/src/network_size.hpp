@@ -1,12 +1,13 @@
 // The size at which the network sees a frame when the caller sets none.
 #pragma once
 
-#include "rectify.hpp"
+#include "size.hpp"
 
 namespace endosdk {
 
-// Frames up to 960 px wide are seen as they are: the size the shipped networks are trained on. A wider frame of the same
-// scene has larger disparities, which would lie beyond the networks' range; it is seen at a width of 720 px.
-Size usual_network_size(Size frame);
+// A model that names its usual width sees frames at most that wide. For the others, frames up to 960 px wide are seen as
+// they are; a wider frame of the same scene has larger disparities, which would lie beyond their range, and is seen at
+// a width of 720 px. `usual_width` is 0 when the model names none.
+Size usual_network_size(Size frame, int usual_width);
 
 }  // namespace endosdk

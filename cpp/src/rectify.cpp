@@ -6,6 +6,7 @@
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
 #include "kernels/sample.hpp"
+#include "reduce.hpp"
 #include "threads.hpp"
 
 namespace endosdk {
@@ -22,11 +23,23 @@ void check_size(Size size, const char* name) {
           Text("must be 1x1 to ", max_side, "x", max_side), size_text(size));
 }
 
-ViewMap build(const ViewGeometry& view, Size raw, Size rectified, const char* name) {
+int checked_reduction(Size raw, Size rectified) {
   check_size(raw, "size");
   check_size(rectified, "out size");
+  return reduction(raw, rectified);
+}
+
+// The map out of a frame that has been reduced: its camera has proportionally shorter focal lengths, and its first pixel
+// lies in the middle of the first block.
+ViewMap build(const ViewGeometry& view, Size raw, Size rectified, int factor, const char* name) {
   check_view(view, name);
-  return {view, raw, rectified};
+  ViewGeometry seen = view;
+  const double middle = 0.5 * (factor - 1);
+  seen.camera.fx /= factor;
+  seen.camera.fy /= factor;
+  seen.camera.cx = (view.camera.cx - middle) / factor;
+  seen.camera.cy = (view.camera.cy - middle) / factor;
+  return {seen, reduced_size(raw, factor), rectified};
 }
 
 int pixel_or_black(const ImageView& image, int x, int y, int channel) {
@@ -122,8 +135,9 @@ void ViewMap::rectify_row(const ImageView& source, ChannelOrder order, int y, co
 Rectifier::Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right)
     : raw_(raw),
       rectified_(rectified),
-      left_(build(left, raw, rectified, "left")),
-      right_(build(right, raw, rectified, "right")) {}
+      factor_(checked_reduction(raw, rectified)),
+      left_(build(left, raw, rectified, factor_, "left")),
+      right_(build(right, raw, rectified, factor_, "right")) {}
 
 void Rectifier::rectify(const ImageView& left, const ImageView& right, const PlanarView& out_left,
                         const PlanarView& out_right, ChannelOrder order) const {
@@ -136,13 +150,17 @@ void Rectifier::rectify(const ImageView& left, const ImageView& right, const Pla
   check(right, "right");
   check_planar(out_left, rectified_.width, rectified_.height, "out_left");
   check_planar(out_right, rectified_.width, rectified_.height, "out_right");
+  thread_local std::vector<uint8_t> reduced[2];  // of the calling thread; kept between frames
+  const bool is_large = factor_ > 1;
+  const ImageView seen_left = is_large ? reduce(left, factor_, reduced[0]) : left;
+  const ImageView seen_right = is_large ? reduce(right, factor_, reduced[1]) : right;
   const int height = rectified_.height;
   parallel_for(2 * height, rows_per_block, [&](int begin, int end, int) {
     for (int i = begin; i < end; ++i) {
       const bool second = i >= height;
       const int y = second ? i - height : i;
       const PlanarView& out = second ? out_right : out_left;
-      (second ? right_ : left_).rectify_row(second ? right : left, order, y, out);
+      (second ? right_ : left_).rectify_row(second ? seen_right : seen_left, order, y, out);
       if (y == height - 1) pad_bottom(out, height);
     }
   });

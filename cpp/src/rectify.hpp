@@ -6,13 +6,9 @@
 
 #include "calibration.hpp"
 #include "image.hpp"
+#include "size.hpp"
 
 namespace endosdk {
-
-struct Size {
-  int width = 0;
-  int height = 0;
-};
 
 // The map of one view, kept in the form that the kernels read. Positions are rounded to 1/128 px; what lies outside the
 // raw image counts as black, as in cv2.remap with a constant border.
@@ -49,7 +45,8 @@ class ViewMap {
   std::vector<size_t> row_spans_;  // spans of row y: row_spans_[y] to row_spans_[y + 1]
 };
 
-// Immutable after construction, so one object may serve several threads.
+// Immutable after construction, so one object may serve several threads. A frame at least twice as large as the
+// rectified picture is first reduced by a whole factor, so that no detail is skipped over.
 class Rectifier {
  public:
   Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right);
@@ -66,6 +63,7 @@ class Rectifier {
  private:
   Size raw_;
   Size rectified_;
+  int factor_;
   ViewMap left_;
   ViewMap right_;
 };

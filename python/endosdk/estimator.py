@@ -30,8 +30,9 @@ class DepthEstimator:
         threads: processor threads for every stage; default is the number of cores this process may use.
         channel_order: ``rgb`` or ``bgr``, the order of colour frames. Gray frames need none.
         network_size: (width, height) the network works at, px; smaller is faster and widens the range of disparities in
-            px of the frame. Default: the size of the frames up to a width of 960; wider frames, whose disparities would
-            lie beyond the range, are seen 720 px wide. All outputs keep the size of the frame.
+            px of the frame. Default: at most as wide as the model's ``usual_width``; for a model that names none, the
+            size of the frames up to a width of 960, and 720 px wide for wider frames, whose disparities would lie
+            beyond the range. All outputs keep the size of the frame.
         min_confidence: below it a pixel has no answer, 0..1.
         depth_range_mm: (nearest, farthest) depth that counts as an answer.
         spinning: let waiting threads of the network poll; False saves power and costs some latency.
@@ -141,7 +142,8 @@ class DepthEstimator:
         """Build maps and buffers for this frame size; nothing changes when it is refused."""
         if self._frame_size == (width, height):
             return
-        network_size = self._network_size or _core.usual_network_size(width, height)
+        usual_width = self._session.info.usual_width or 0
+        network_size = self._network_size or _core.usual_network_size(width, height, usual_width)
         stage = RectifyStage((width, height), self._calibration, network_size)
         multiple = self._session.info.input_multiple
         self._session.prepare(padded(stage.size[1], multiple), padded(stage.size[0], multiple))

@@ -34,6 +34,7 @@ class ModelInfo:
     input_multiple: int  # both sides of the input are padded to a multiple of this, px
     output_stride: int  # the output grid is the input grid divided by this
     max_disparity: int  # px at the input width; larger disparities cannot be found
+    usual_width: int | None  # wider frames are seen at this width unless the caller sets a size, px; None: none named
     channel_order: str
     license: str
     training: dict[str, Any]  # data set ids and hashes, recipe, metrics on the test split
@@ -88,6 +89,7 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
         input_multiple=_positive(metadata, "input_multiple"),
         output_stride=_positive(metadata, "output_stride"),
         max_disparity=_positive(metadata, "max_disparity"),
+        usual_width=_positive(metadata, "usual_width") if PREFIX + "usual_width" in metadata else None,
         channel_order=order,
         license=_required(metadata, "license"),
         training=training,

@@ -120,7 +120,7 @@ typedef struct endo_options {
     const char *model_sha256;    /* 64 hexadecimal digits that the model's bytes must hash to; NULL: any model */
     endo_log_function log;       /* NULL: silence */
     void *log_context;           /* handed to log */
-    int32_t network_width;       /* size the network works at; 0: that of the frames, or 720 wide for frames over 960 */
+    int32_t network_width;       /* size the network works at; 0: at most the model's usual width; see docs */
     int32_t network_height;      /* wide. Smaller is faster and finds larger disparities; maps keep the frames' size */
     double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.3 */
     double min_depth_mm;         /* depth outside the range is no answer; default 0 */
