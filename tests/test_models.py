@@ -72,6 +72,23 @@ def test_flipped_byte_in_a_shipped_model_is_refused(tmp_path, monkeypatch):
         models.read_model("tiny")
 
 
+def test_a_model_of_integers_gives_way_where_there_are_no_units_for_it(tmp_path, monkeypatch, caplog):
+    data = TINY_MODEL.read_bytes()
+    digest = hashlib.sha256(data).hexdigest()
+    (tmp_path / "models.toml").write_text(
+        f'[quick]\nfile = "quick.onnx"\nsha256 = "{"0" * 64}"\nwithout_integer_units = "quick-fp32"\n'
+        f'[quick-fp32]\nfile = "tiny.onnx"\nsha256 = "{digest}"\n'
+    )
+    (tmp_path / "tiny.onnx").write_bytes(data)
+    (tmp_path / "quick.onnx").write_bytes(b"never read here")
+    monkeypatch.setattr(models, "_shipped_folder", lambda: tmp_path)
+    assert models.read_model("quick", integer_units=False).sha256 == digest
+    assert "quick-fp32 is used" in caplog.text
+    with pytest.raises(errors.ModelHashMismatch):
+        models.read_model("quick", integer_units=True)
+    assert models.read_model("quick-fp32", integer_units=False).sha256 == digest
+
+
 def test_unknown_name_lists_what_there_is():
     with pytest.raises(errors.ModelNotFound, match=r"shipped names \(.*\)"):
         models.read_model("no-such-model")

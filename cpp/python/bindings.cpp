@@ -285,6 +285,7 @@ void bind_settings(py::module_& m) {
   m.def("isa", [] { return std::string(kernels().name); }, "Instruction set in use: avx512, avx2 or plain.");
   m.def("set_isa", [](const std::string& name) { choose_kernels(name.c_str()); }, py::arg("name"),
         "Use another instruction set, for tests and diagnostics.");
+  m.def("has_integer_units", &has_integer_units, "Whether this processor has instructions for 8-bit networks (VNNI).");
   m.def("threads", &thread_count, "Threads that the kernels may use.");
   m.def("set_threads", &set_thread_count, py::arg("n"), py::call_guard<py::gil_scoped_release>(),
         "Set the number of threads, 1 to 256.");

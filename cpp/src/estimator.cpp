@@ -232,7 +232,8 @@ std::string Estimator::diagnostics() const {
   report.text("onnxruntime", session_.runtime().version()).text("onnxruntime_library", session_.runtime().path());
   report.text("onnxruntime_telemetry", session_.runtime().telemetry_on() ? "on: loaded by the host first" : "off");
   report.text("provider", session_.provider()).count("threads", static_cast<uint64_t>(thread_count()));
-  report.text("kernels", kernels().name).raw("model", model);
+  report.text("kernels", kernels().name).raw("integer_units", has_integer_units() ? "true" : "false");
+  report.raw("model", model);
   report.raw("calibration_sha256", rig_ ? json_string(rig_->sha256()) : "null");
   report.count("frames", latency_.count()).count("failed", failed_).count("late", late_);
   report.raw("latency_ms", latency);

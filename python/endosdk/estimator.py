@@ -22,7 +22,9 @@ class DepthEstimator:
     """Stereo depth from pairs of frames of one camera.
 
     Args:
-        model: a shipped name (see ``endosdk doctor``), the path of an ``.onnx`` file, or its bytes.
+        model: a shipped name (see ``endosdk doctor``), the path of an ``.onnx`` file, or its bytes. A shipped model of
+            8-bit integers gives way to its float twin where the processor has no instructions for them, or on a
+            graphics card; the log ``endosdk`` and ``estimator.model.name`` say so.
         calibration: the rig. Raw frames are then rectified inside and metric outputs are available; without it the
             frames must already be rectified and only disparity is returned.
         provider: ``cpu``, ``cuda``, ``tensorrt`` or the full name of an onnxruntime provider. One that is missing is an
@@ -62,7 +64,10 @@ class DepthEstimator:
             raise InvalidArgument("calibration", "must be a StereoCalibration", type(calibration).__name__)
         self._calibration = calibration
         self._geometry = None if calibration is None else calibration.rectification()
-        self._session = StereoSession(read_model(model), provider=provider, threads=self._threads, spinning=spinning)
+        integer_units = provider == "cpu" and _core.has_integer_units()
+        self._session = StereoSession(
+            read_model(model, integer_units=integer_units), provider=provider, threads=self._threads, spinning=spinning
+        )
         self._frame_size: tuple[int, int] | None = None
         self._frames = 0
         self._lock = threading.Lock()
@@ -132,6 +137,7 @@ class DepthEstimator:
             "provider": self._session.provider,
             "threads": self._threads,
             "kernels": _core.isa(),
+            "integer_units": _core.has_integer_units(),
             "model": {"name": info.name, "version": info.version, "sha256": info.sha256},
             "calibration_sha256": None if self._calibration is None else self._calibration.sha256,
             "network_size": self._network_size if self._frame_size is None else self._stage.size,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -48,10 +49,12 @@ def shipped_models() -> dict[str, Path]:
     return {name: folder / entry["file"] for name, entry in _manifest(folder).items()}
 
 
-def read_model(source: str | Path | bytes) -> ModelFile:
+def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> ModelFile:
     """Read a model given by shipped name, path or content.
 
     A shipped model is checked against its recorded SHA-256; hash and content are of the very bytes that are returned.
+    Where there are no ``integer_units``, a shipped model of 8-bit integers gives way to its float twin, with a warning
+    in the log ``endosdk``; paths and bytes are always taken as they are.
     """
     if isinstance(source, bytes | bytearray | memoryview):
         data = bytes(source)
@@ -60,6 +63,12 @@ def read_model(source: str | Path | bytes) -> ModelFile:
         raise InvalidArgument("model", "must be a shipped name, a path or bytes", type(source).__name__)
     folder = _shipped_folder()
     entry = _manifest(folder).get(source) if isinstance(source, str) else None
+    if entry and not integer_units and "without_integer_units" in entry:
+        twin = entry["without_integer_units"]
+        logging.getLogger("endosdk").warning(
+            "%s computes in 8-bit integers, for which there are no fast instructions here: %s is used", source, twin
+        )
+        return read_model(twin)
     path = folder / entry["file"] if entry else Path(source)
     if not path.is_file():
         names = ", ".join(sorted(_manifest(folder)))

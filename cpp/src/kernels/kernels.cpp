@@ -53,6 +53,14 @@ std::atomic<const Kernels*>& chosen() {
 
 const Kernels& kernels() { return *chosen().load(std::memory_order_relaxed); }
 
+bool has_integer_units() {
+#ifdef ENDOSDK_X86_KERNELS
+  return __builtin_cpu_supports("avx512vnni") || __builtin_cpu_supports("avxvnni");
+#else
+  return false;
+#endif
+}
+
 void choose_kernels(const char* name) {
   std::string available;
   for (const Choice& choice : choices) {

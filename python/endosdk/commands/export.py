@@ -16,6 +16,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--data", type=Path, metavar="DIR", help="score the model on the test split; parity frames come from there too"
     )
+    parser.add_argument(
+        "--int8", type=Path, metavar="FILE", help="write the form in 8-bit integers too; its name is that of the file"
+    )
     parser.add_argument("--layout", default="endosdk", help="layout of the data set (default: %(default)s)")
 
 
@@ -31,7 +34,8 @@ def run(args: argparse.Namespace) -> int:
         version=args.model_version,
         data=args.data,
         layout=args.layout,
+        int8=args.int8,
     )
     print(json.dumps(report, indent=1))
-    print(f"written {args.out}")
+    print(f"written {args.out}" + (f" and {args.int8}" if args.int8 else ""))
     return 0

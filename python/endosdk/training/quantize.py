@@ -66,9 +66,27 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
     del quantised.metadata_props[:]
     onnx.helper.set_model_props(quantised, properties)
     onnx.checker.check_model(quantised, full_check=True)
+    _write(quantised, out)
+
+
+def describe_quantised(path: Path, name: str, test: dict[str, Any]) -> None:
+    """Give the 8-bit file its own name and the scores it has itself reached on a test split."""
+    model = onnx.load(path)
+    properties = {entry.key: entry.value for entry in model.metadata_props}
+    training = {**json.loads(properties[PREFIX + "training"]), "test": test}
+    properties |= {
+        PREFIX + "name": name,
+        PREFIX + "training": json.dumps(training, sort_keys=True, separators=(",", ":")),
+    }
+    del model.metadata_props[:]
+    onnx.helper.set_model_props(model, properties)
+    _write(model, path)
+
+
+def _write(model: onnx.ModelProto, out: Path) -> None:
     partial = out.with_name(out.name + ".partial")
     try:
-        partial.write_bytes(quantised.SerializeToString(deterministic=True))
+        partial.write_bytes(model.SerializeToString(deterministic=True))
         partial.replace(out)
     except OSError as error:
         raise StorageFailed("out", "must be writable", f"{out} ({error.strerror})") from error
