@@ -59,6 +59,7 @@ def release(
     report = {"model": info.name, "version": version, "training": training, "parity": parity, "machine": machine}
     if int8 is not None:
         quantize_model(path, int8, seen, range(0, len(seen), max(1, len(seen) // RANGE_PAIRS)))
-        report["int8"] = evaluate(estimator_method(str(int8)), reader)
-        describe_quantised(int8, int8.stem, {"name": reader.name, "sha256": reader.sha256, **report["int8"]})
+        int8_scores = evaluate(estimator_method(str(int8)), reader)
+        describe_quantised(int8, int8.stem, {"name": reader.name, "sha256": reader.sha256, **int8_scores})
+        report["int8"] = int8_scores
     return report
