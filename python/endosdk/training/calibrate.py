@@ -58,7 +58,8 @@ def calibrate_confidence(network: StereoNetwork, reader: DatasetReader, indices:
         known = np.flatnonzero(np.isfinite(truth))
         chosen = rng.choice(known, size=min(PIXELS_PER_FRAME, len(known)), replace=False)
         evidence.append(frame.evidence.flatten(1)[:, chosen].T)
-        error.append(torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen]))
+        # In pixels that the network saw: what the confidence promises is an error on its own grid.
+        error.append(torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen] / frame.reduction))
     if not evidence:
         raise InvalidArgument("held_out", "must leave at least one pair to fit the confidence on", 0)
     network.confidence.weights.copy_(fit_laplace(torch.cat(evidence), torch.cat(error)))

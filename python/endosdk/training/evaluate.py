@@ -24,8 +24,9 @@ class Frame(NamedTuple):
     """What a network says about one pair, at the size of the frame."""
 
     sample: Sample
-    maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W], px
+    maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W], px of the frame
     evidence: Tensor  # [K, H, W]
+    reduction: int  # pixels of the frame per pixel that the network saw
 
 
 def pad_to_multiple(image: Tensor, multiple: int) -> Tensor:
@@ -60,7 +61,7 @@ def predict_frames(
             _to_frame(values, network.output_stride * factor, sample)
             for values in (*prediction.disparities, prediction.evidence)
         )
-        yield Frame(sample, [factor * found[0].numpy() for found in maps], evidence)
+        yield Frame(sample, [factor * found[0].numpy() for found in maps], evidence, factor)
 
 
 def _to_frame(values: Tensor, stride: int, sample: Sample) -> Tensor:
@@ -90,9 +91,9 @@ def full_scores(network: StereoNetwork, reader: DatasetReader) -> dict[str, Any]
     for frame in predict_frames(network, reader, range(len(reader)), title="test split"):
         sample, disparity = frame.sample, frame.maps[-1]
         scale = torch.exp(network.confidence.log_scale(frame.evidence[None]))[0, 0].numpy()
-        # Depth error of a Laplace law of scale b: its standard deviation, sqrt(2) b px, brought to mm.
+        # Depth error of a Laplace law of scale b: its standard deviation, sqrt(2) b px of the frame, brought to mm.
         reach = np.maximum(disparity + sample.doffs, 0.5)
-        sigma = sample.focal_px * sample.baseline_mm / reach**2 * math.sqrt(2.0) * scale
+        sigma = sample.focal_px * sample.baseline_mm / reach**2 * math.sqrt(2.0) * scale * frame.reduction
         board.add(
             disparity,
             sample.disparity,
