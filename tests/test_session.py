@@ -17,38 +17,36 @@ def tiny() -> StereoSession:
 
 def test_finds_a_known_shift():
     session = tiny()
-    session.prepare(64, 160)
+    buffers = session.buffers(64, 160)
     left, right = shifted_pair(64, 160, 12)
-    session.left[:] = left.transpose(2, 0, 1)
-    session.right[:] = right.transpose(2, 0, 1)
-    session.run()
+    buffers.left[:] = left.transpose(2, 0, 1)
+    buffers.right[:] = right.transpose(2, 0, 1)
+    session.run(buffers)
     stride = session.info.output_stride
     inner = np.s_[4:-4, 40 // stride : -4]
-    assert np.median(np.abs(session.disparity[inner] - 12)) < 0.1
-    assert np.median(session.confidence[inner]) > 0.5
+    assert np.median(np.abs(buffers.disparity[inner] - 12)) < 0.1
+    assert np.median(buffers.confidence[inner]) > 0.5
 
 
-def test_outputs_are_written_in_place():
+def test_two_buffers_do_not_mix():
     session = tiny()
-    session.prepare(32, 64)
-    before = session.disparity.ctypes.data
-    session.run()
-    session.prepare(32, 64)
-    assert session.disparity.ctypes.data == before
+    first, second = session.buffers(32, 64), session.buffers(32, 64)
+    pairs = shifted_pair(32, 64, 8), shifted_pair(32, 64, 16)
+    for buffers, (left, right) in zip((first, second), pairs, strict=True):
+        buffers.left[:], buffers.right[:] = left.transpose(2, 0, 1), right.transpose(2, 0, 1)
+    session.run(first)
+    alone = first.disparity.copy()
+    session.run(second)
+    np.testing.assert_array_equal(first.disparity, alone)
+    assert not np.array_equal(second.disparity, alone)
 
 
 @pytest.mark.parametrize("size", [(33, 64), (32, 0), (32, -8)])
 def test_size_off_the_multiple_is_refused_and_the_session_lives(size):
     session = tiny()
-    session.prepare(32, 64)
     with pytest.raises(errors.InvalidArgument, match="multiple of 8"):
-        session.prepare(*size)
-    session.run()
-
-
-def test_run_before_prepare_is_refused():
-    with pytest.raises(errors.InvalidArgument, match="prepare"):
-        tiny().run()
+        session.buffers(*size)
+    session.run(session.buffers(32, 64))
 
 
 @pytest.mark.parametrize("content", [b"", b"not a model", TINY_MODEL.read_bytes()[:1000]], ids=["empty", "text", "cut"])
@@ -119,11 +117,11 @@ def test_host_that_imported_the_runtime_first_is_warned():
 
 def test_failure_inside_the_runtime_has_a_code():
     session = tiny()
-    session.prepare(32, 64)
+    buffers = session.buffers(32, 64)
     # Shapes that contradict the graph make the runtime itself fail.
-    session._binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), session.left.ctypes.data)
+    buffers.binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), buffers.left.ctypes.data)
     with pytest.raises(errors.InferenceFailed):
-        session.run()
+        session.run(buffers)
 
 
 def test_origin_is_in_the_message():

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import resource
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -59,6 +61,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
     )
     epe = _checked_error(estimator, pairs)
     total, stages = _time_frames(estimator, pairs, settings)
+    streamed = _time_stream(estimator, pairs, settings)
     rivals = {"sgbm": _time_sgbm(pairs, settings)} if settings.against == "sgbm" else {}
     return {
         "command": " ".join(["endosdk-bench", *sys.argv[2:]]),
@@ -73,6 +76,8 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         "frames": settings.frames,
         "epe_px": epe,
         "fps": 1000 / float(np.mean(total)),
+        "stream_fps": streamed,
+        "startup_s": _startup_seconds(settings),
         "latency_ms": _spread(total),
         "stages_ms": {name: float(np.median(values)) for name, values in stages.items()},
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
@@ -121,6 +126,34 @@ def _time_frames(
         stages["session"].append(result.timings.session_ms)
         stages["postprocess"].append(result.timings.postprocess_ms)
     return total, stages
+
+
+def _time_stream(estimator: DepthEstimator, pairs: list[RawPair], settings: BenchSettings) -> float:
+    """Frames a second of `DepthEstimator.stream`, which rectifies the next frame beside the network."""
+    count = settings.warmup + settings.frames
+    source = ((pair.left, pair.right) for pair in itertools.islice(itertools.cycle(pairs), count))
+    started = time.perf_counter()
+    for number, _ in enumerate(estimator.stream(source, reuse=True), start=1):
+        _progress(number, count)
+        if number == settings.warmup:
+            started = time.perf_counter()
+    return settings.frames / (time.perf_counter() - started)
+
+
+def _startup_seconds(settings: BenchSettings) -> float:
+    """Seconds from the import to the first answer in a fresh process; median of three."""
+    width, height = settings.size
+    program = (
+        "import time; begun = time.perf_counter()\n"
+        "import sys, endosdk, numpy\n"
+        f"frame = numpy.zeros(({height}, {width}, 3), numpy.uint8)\n"
+        f"estimator = endosdk.DepthEstimator(sys.argv[1], provider=sys.argv[2], threads={settings.threads}, "
+        f"network_size={settings.network_size})\n"
+        "estimator.predict(frame, frame)\n"
+        "print(time.perf_counter() - begun)"
+    )
+    command = [sys.executable, "-c", program, settings.model, settings.provider]
+    return sorted(float(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3))[1]
 
 
 def _time_sgbm(pairs: list[RawPair], settings: BenchSettings) -> dict[str, Any]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,7 @@ from endosdk.models import ModelInfo, read_model
 from endosdk.postprocess import Limits, Maps, postprocess
 from endosdk.rectify import CHANNEL_ORDERS, Frame, RectifyStage, check_pair
 from endosdk.result import DepthResult, Timings, status_of
-from endosdk.session import StereoSession, padded
+from endosdk.session import Buffers, StereoSession, padded
 
 
 class DepthEstimator:
@@ -39,8 +42,9 @@ class DepthEstimator:
         depth_range_mm: (nearest, farthest) depth that counts as an answer.
         spinning: let waiting threads of the network poll; False saves power and costs some latency.
 
-    ``predict`` may be called from any thread; calls on one estimator run one after the other. Use one estimator per
-    thread to run in parallel. An error leaves the estimator usable.
+    `predict` answers one pair with the least delay, `stream` a sequence of them. Both may be called from any thread;
+    frames of one estimator are computed one after the other. Use one estimator per thread to run in parallel. An error
+    leaves the estimator usable.
     """
 
     def __init__(
@@ -106,15 +110,72 @@ class DepthEstimator:
             self._prepare(left.shape[1], left.shape[0])
             maps = self._maps(out)
             started = time.perf_counter()
-            self._stage(left, right, self._session.left, self._session.right, self._order)
-            rectified = time.perf_counter()
-            self._session.run()
-            inferred = time.perf_counter()
-            answered = postprocess(self._session, self._stage, self._geometry, self._limits, maps)
-            finished = time.perf_counter()
-            self._frames += 1
-            timings = Timings(*(1e3 * s for s in (rectified - started, inferred - rectified, finished - inferred)))
-            return self._result(maps, answered, timings)
+            self._stage(left, right, self._buffers.left, self._buffers.right, self._order)
+            rectify_ms = 1e3 * (time.perf_counter() - started)
+            return self._infer(self._buffers, rectify_ms, maps)
+
+    def stream(self, source: Iterable[tuple[Any, Any]], *, reuse: bool = False) -> Iterator[DepthResult]:
+        """Estimate depth for every (left, right) of ``source``, in order, as `predict` would.
+
+        While the network works on one pair, a second thread fetches the next one from ``source`` and rectifies it, so
+        a camera is read without waiting and the stages overlap where there are cores to spare. No more than one pair is
+        fetched ahead. All frames must have the size of the first.
+
+        Args:
+            source: yields pairs as `predict` takes them. A frame may be overwritten once the next one is asked for.
+            reuse: give every result the same maps; each is then good until the next one is drawn, and no memory is
+                allocated per frame.
+
+        An error in ``source`` or in a frame is raised in its turn, after the results of the frames before it; it ends
+        the stream and leaves the estimator usable. So does a frame of another size, here or given to `predict`.
+        """
+        pairs = iter(source)
+        slots: list[Buffers] = []
+
+        def rectify_next(number: int) -> float | None:
+            pair = next(pairs, None)
+            if pair is None:
+                return None
+            left, right = check_pair(*pair)
+            size = left.shape[1], left.shape[0]
+            if not slots:
+                with self._lock:
+                    self._prepare(*size)
+                    slots.extend(self._new_buffers() for _ in range(2))
+            if size != self._frame_size:
+                raise InvalidArgument("source", f"must keep the frame size {self._frame_size}", size)
+            started = time.perf_counter()
+            slot = slots[number % 2]
+            self._stage(left, right, slot.left, slot.right, self._order)
+            return 1e3 * (time.perf_counter() - started)
+
+        ahead = ThreadPoolExecutor(1, thread_name_prefix="endosdk-stream")
+        try:
+            result: DepthResult | None = None
+            coming = ahead.submit(rectify_next, 0)
+            for number in itertools.count():
+                rectify_ms = coming.result()
+                if rectify_ms is None:
+                    return
+                coming = ahead.submit(rectify_next, number + 1)
+                with self._lock:
+                    maps = self._maps(result if reuse else None)
+                    result = self._infer(slots[number % 2], rectify_ms, maps)
+                yield result
+        finally:
+            ahead.shutdown(wait=True, cancel_futures=True)
+
+    def _infer(self, buffers: Buffers, rectify_ms: float, maps: Maps) -> DepthResult:
+        """Run the network on rectified buffers and fill the maps."""
+        started = time.perf_counter()
+        self._session.run(buffers)
+        inferred = time.perf_counter()
+        answered = postprocess(buffers, self._stage, self._geometry, self._limits, maps)
+        finished = time.perf_counter()
+        self._frames += 1
+        self._latest = buffers
+        timings = Timings(rectify_ms, 1e3 * (inferred - started), 1e3 * (finished - inferred))
+        return self._result(maps, answered, timings)
 
     def rectified_pair(self) -> tuple[Frame, Frame]:
         """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each."""
@@ -123,7 +184,7 @@ class DepthEstimator:
                 raise InvalidArgument("estimator", "predict must be called before rectified_pair", "no frame yet")
             width, height = self._stage.size
             left, right = (
-                view[:, :height, :width].transpose(1, 2, 0).copy() for view in (self._session.left, self._session.right)
+                view[:, :height, :width].transpose(1, 2, 0).copy() for view in (self._latest.left, self._latest.right)
             )
             return left, right
 
@@ -151,10 +212,14 @@ class DepthEstimator:
         usual_width = self._session.info.usual_width or 0
         network_size = self._network_size or _core.usual_network_size(width, height, usual_width)
         stage = RectifyStage((width, height), self._calibration, network_size)
-        multiple = self._session.info.input_multiple
-        self._session.prepare(padded(stage.size[1], multiple), padded(stage.size[0], multiple))
         self._stage = stage
+        self._buffers = self._new_buffers()
         self._frame_size = (width, height)
+
+    def _new_buffers(self) -> Buffers:
+        multiple = self._session.info.input_multiple
+        width, height = self._stage.size
+        return self._session.buffers(padded(height, multiple), padded(width, multiple))
 
     def _maps(self, out: DepthResult | None) -> Maps:
         assert self._frame_size is not None

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from endosdk import _core
 from endosdk.calibration import RectifiedGeometry
 from endosdk.rectify import RectifyStage
-from endosdk.session import StereoSession
+from endosdk.session import Buffers
 
 FloatMap = npt.NDArray[np.float32]
 
@@ -46,23 +46,23 @@ class Limits:
 
 
 def postprocess(
-    session: StereoSession, stage: RectifyStage, geometry: RectifiedGeometry | None, limits: Limits, out: Maps
+    found: Buffers, stage: RectifyStage, geometry: RectifiedGeometry | None, limits: Limits, out: Maps
 ) -> int:
-    """Fill ``out`` from the session's last run and return the number of pixels that have an answer."""
+    """Fill ``out`` from the buffers of a run and return the number of pixels that have an answer."""
     height, width = out.disparity.shape
-    # Relative to the picture without its padding, which the session's grids include.
+    # Relative to the picture without its padding, which the grids include.
     scale_y, scale_x = stage.size[1] / height, stage.size[0] / width
-    stride = session.info.output_stride
+    stride = found.left.shape[2] // found.disparity.shape[1]
     return _core.postprocess(
-        session.disparity,
-        session.confidence,
+        found.disparity,
+        found.confidence,
         scale_y / stride,
         scale_x / stride,
         1.0 / scale_x,
         out.disparity,
         out.confidence,
         out.reasons,
-        session.left,
+        found.left,
         stage.valid_left,
         stage.valid_right,
         limits.min_confidence,

@@ -53,12 +53,28 @@ def load_runtime() -> Any:
     return onnxruntime
 
 
-class StereoSession:
-    """One loaded model, its input and output memory, and the call that runs it.
+class Buffers:
+    """The memory that one run reads and writes, bound to its session.
 
-    The inputs ``left`` and ``right`` are uint8 [3, H, W] arrays owned by the session: write planar RGB into them, call
-    `run`, then read ``disparity`` and ``confidence``, float32 [H / stride, W / stride]. Not thread-safe: one caller.
+    Write planar RGB into ``left`` and ``right``, uint8 [3, H, W]; after the run read ``disparity`` and ``confidence``,
+    float32 [H / stride, W / stride].
     """
+
+    def __init__(self, binding: Any, height: int, width: int, stride: int) -> None:
+        # Zeros, not empty: the memory is touched here, so that the first frame does not pay for it.
+        self.left = np.zeros((3, height, width), np.uint8)
+        self.right = np.zeros((3, height, width), np.uint8)
+        self.disparity = np.zeros((height // stride, width // stride), np.float32)
+        self.confidence = np.zeros_like(self.disparity)
+        self.binding = binding
+        for name, array in (("left", self.left), ("right", self.right)):
+            binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
+        for name, output in (("disparity", self.disparity), ("confidence", self.confidence)):
+            binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
+
+
+class StereoSession:
+    """One loaded model and the call that runs it on `Buffers`; runs on different buffers may overlap."""
 
     def __init__(self, model: ModelFile, *, provider: str = "cpu", threads: int = 0, spinning: bool = True) -> None:
         runtime = load_runtime()
@@ -75,34 +91,19 @@ class StereoSession:
             raise ProviderUnavailable("provider", f"{self.provider} must start on this machine", ", ".join(used))
         self.info: ModelInfo = parse_metadata(self._session.get_modelmeta().custom_metadata_map, model.sha256)
         _check_interface(self._session)
-        self._size: tuple[int, int] | None = None
 
-    def prepare(self, height: int, width: int) -> None:
-        """Allocate and bind the memory for inputs of this size, px; both must be multiples of ``input_multiple``."""
-        if (height, width) == self._size:
-            return
-        multiple, stride = self.info.input_multiple, self.info.output_stride
+    def buffers(self, height: int, width: int) -> Buffers:
+        """Allocate and bind memory for inputs of this size, px; both must be multiples of ``input_multiple``."""
+        multiple = self.info.input_multiple
         for name, value in (("height", height), ("width", width)):
             if value <= 0 or value % multiple:
                 raise InvalidArgument(name, f"must be a positive multiple of {multiple}", value)
-        # Zeros, not empty: the memory is touched here, so that the first frame does not pay for it.
-        self.left = np.zeros((3, height, width), np.uint8)
-        self.right = np.zeros((3, height, width), np.uint8)
-        self.disparity = np.zeros((height // stride, width // stride), np.float32)
-        self.confidence = np.zeros_like(self.disparity)
-        self._binding = self._session.io_binding()
-        for name, array in (("left", self.left), ("right", self.right)):
-            self._binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
-        for name, output in (("disparity", self.disparity), ("confidence", self.confidence)):
-            self._binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
-        self._size = (height, width)
+        return Buffers(self._session.io_binding(), height, width, self.info.output_stride)
 
-    def run(self) -> None:
+    def run(self, buffers: Buffers) -> None:
         """Compute ``disparity`` and ``confidence`` from ``left`` and ``right``; the GIL is released meanwhile."""
-        if self._size is None:
-            raise InvalidArgument("session", "prepare(height, width) must be called before run()", "no size")
         try:
-            self._session.run_with_iobinding(self._binding)
+            self._session.run_with_iobinding(buffers.binding)
         except Exception as error:  # as above: no common base class to catch
             raise InferenceFailed("session", f"{self.info.name} must run on {self.provider}", error) from error
 

@@ -13,7 +13,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--network-size",
         metavar="WxH",
-        help="size the network works at (default: the frame, or 720 wide when it is over 960)",
+        help="size the network works at (default: what the model is made for)",
     )
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: %(default)s)")
     parser.add_argument("--frames", type=int, default=200, help="frames timed (default: %(default)s)")
@@ -43,6 +43,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"model      {record['model']['name']} {record['model']['version']}, {args.size}, {args.threads} threads")
     print(f"error      {record['epe_px']:.3f} px against the truth of the rendered pairs")
     print(f"speed      {record['fps']:.2f} FPS")
+    print(f"stream     {record['stream_fps']:.2f} FPS, the next frame rectified beside the network")
+    print(f"start-up   {record['startup_s']:.2f} s from the import to the first answer")
     print("latency    " + ", ".join(f"{name} {value:.2f}" for name, value in latency.items()) + " ms")
     print("stages     " + ", ".join(f"{name} {value:.2f}" for name, value in stages.items()) + " ms")
     print(f"memory     {record['peak_rss_mb']:.0f} MB at most")
