@@ -63,14 +63,14 @@ DepthLimits limits_of(const PostprocessInput& in) {
 }
 
 DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y,
-                const std::array<const uint8_t*, 3>& colour) {
+                const uint8_t* brightness) {
   const int64_t offset = static_cast<int64_t>(y) * out.disparity.width;
   DepthRow row{};
   row.disparity = out.disparity.row(y);
   row.confidence = out.confidence.row(y);
   row.reasons = out.reasons + offset;
   row.width = out.disparity.width;
-  for (int plane = 0; plane < 3; ++plane) row.colour[plane] = colour[plane];
+  row.brightness = brightness;
   if (in.valid_left != nullptr) row.valid_left = in.valid_left + offset;
   if (in.valid_right != nullptr) row.valid_right = in.valid_right + offset;
   if (out.depth != nullptr) row.depth = out.depth + offset;
@@ -89,9 +89,9 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
   check(input, output);
   RowResizer& shared = scratch.resizer;
   shared.prepare(input.disparity.width, input.disparity.height, output.disparity.width, input.scale);
-  ColourRows& views = scratch.colours;
-  const bool coloured = input.left.data != nullptr;
-  if (coloured) views.prepare(input.left, output.disparity.width, input.view_scale, shared.workers());
+  GlareRows& views = scratch.glare;
+  const bool has_view = input.left.data != nullptr;
+  if (has_view) views.prepare(input.left, output.disparity.width, input.view_scale, shared.workers());
   const DepthLimits limits = limits_of(input);
   std::atomic<int> usable{0};
   const auto process_rows = [&](int begin, int end, int worker) {
@@ -99,8 +99,8 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
     for (int y = begin; y < end; ++y) {
       shared.row(input.disparity, y, input.gain, worker, output.disparity.row(y));
       shared.row(input.confidence, y, 1.0f, worker, output.confidence.row(y));
-      const auto colour = coloured ? views.row(input.left, y, worker) : std::array<const uint8_t*, 3>{};
-      count += kernels().depth_row(row_of(input, output, y, colour), limits);
+      const uint8_t* brightness = has_view ? views.row(input.left, y, worker) : nullptr;
+      count += kernels().depth_row(row_of(input, output, y, brightness), limits);
     }
     usable += count;
   };

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "colour_rows.hpp"
+#include "glare_rows.hpp"
 #include "image.hpp"
 #include "resize.hpp"
 
@@ -43,7 +43,7 @@ struct PostprocessOutput {
 // Tables and scratch rows, kept between frames so that a frame allocates nothing.
 struct PostprocessScratch {
   RowResizer resizer;
-  ColourRows colours;
+  GlareRows glare;
 };
 
 // Returns the number of pixels with no reason against them. Depth (mm) is focal * baseline / (disparity + doffs); sigma

@@ -17,7 +17,7 @@ int reduction(Size raw, Size picture);
 Size reduced_size(Size raw, int factor);
 
 // Writes the reduced frame as packed interleaved rows and returns a view of it. `pixels` grows when it must. Each
-// value is the sum of factor x factor values, divided with rounding to nearest.
+// value is the sum of factor x factor values (factor at least 2), divided with rounding half up.
 ImageView reduce(const ImageView& source, int factor, std::vector<uint8_t>& pixels);
 
 }  // namespace endosdk

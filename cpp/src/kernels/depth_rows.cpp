@@ -101,11 +101,9 @@ void add_sign_reasons(const float* disparity, int count, uint8_t* reasons) {
   }
 }
 
-void add_colour_reasons(const uint8_t* red, const uint8_t* green, const uint8_t* blue, int count, uint8_t* reasons) {
+void add_glare_reasons(const uint8_t* brightness, int count, uint8_t* reasons) {
   for (int i = 0; i < count; ++i) {
-    uint8_t least = red[i] < green[i] ? red[i] : green[i];
-    least = least < blue[i] ? least : blue[i];
-    reasons[i] = static_cast<uint8_t>(reasons[i] | (least >= saturation_level ? saturated : 0));
+    reasons[i] = static_cast<uint8_t>(reasons[i] | (brightness[i] >= saturation_level ? saturated : 0));
   }
 }
 
@@ -173,9 +171,7 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
     } else {
       add_sign_reasons(disparity, count, reasons);
     }
-    if (row.colour[0] != nullptr) {
-      add_colour_reasons(row.colour[0] + first, row.colour[1] + first, row.colour[2] + first, count, reasons);
-    }
+    if (row.brightness != nullptr) add_glare_reasons(row.brightness + first, count, reasons);
     if (row.valid_left != nullptr) add_left_reasons(row.valid_left + first, count, reasons);
     if (right_has_holes) add_right_reasons(row.valid_right, count, last, s, reasons);
     if (row.depth != nullptr) write_depth(reasons, count, s, row.depth + first);

@@ -11,7 +11,7 @@ namespace endosdk {
 namespace {
 
 #define ENDOSDK_KERNELS(isa) \
-  {#isa, isa::remap_rgb, isa::remap_gray, isa::split_rgb, isa::blend_rows, isa::stretch_row, isa::depth_row}
+  {#isa, isa::reduce_row, isa::remap_rgb, isa::remap_gray, isa::split_rgb, isa::blend_rows, isa::stretch_row, isa::depth_row}
 
 bool runs_plain() { return true; }
 

@@ -26,7 +26,7 @@ constexpr int stretch_reach = 16;
 struct DepthRow {
   const float* disparity;
   const float* confidence;
-  const uint8_t* colour[3];  // planar left view
+  const uint8_t* brightness;  // least channel of the left view; null: not tested
   const uint8_t* valid_left;
   const uint8_t* valid_right;
   uint8_t* reasons;
@@ -45,8 +45,22 @@ struct DepthLimits {
   float sigma_factor;    // sigma = sigma_factor * depth^2 / -log(1 - confidence)
 };
 
+// Reduction of interleaved rows by a whole factor, 2 to 16.
+struct Reduction {
+  int factor;
+  int channels;  // 1 or 3
+  int width;     // of the output, pixels
+
+  // 16-bit values of scratch memory that a row needs.
+  int scratch() const { return 2 * width * factor * channels; }
+};
+
 struct Kernels {
   const char* name;
+
+  // One row of means over blocks of factor x factor pixels, rounded half up; `source` is the first row of the blocks.
+  void (*reduce_row)(const uint8_t* source, ptrdiff_t stride, const Reduction& reduction, uint16_t* scratch,
+                     uint8_t* out);
 
   // Bilinear samples of an interleaved image, to one plane per channel. Three-channel kernels read 16 bytes from a
   // left neighbour on, gray ones 4; whoever makes the spans sees to it that these lie inside the row (`remap_reach`).
@@ -71,11 +85,11 @@ struct Kernels {
 // The set in use: the best this processor has, unless another was chosen.
 const Kernels& kernels();
 
-// Chooses a set by name; refuses one that this processor cannot run.
 // Whether this processor multiplies and adds 8-bit integers in one instruction (VNNI). Without it, networks of 8-bit
 // integers are slower than those of floats, and in some runtimes less exact.
 bool has_integer_units();
 
+// Chooses a set by name; refuses one that this processor cannot run.
 void choose_kernels(const char* name);
 
 }  // namespace endosdk

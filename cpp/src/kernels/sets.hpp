@@ -5,6 +5,8 @@
 
 #define ENDOSDK_DECLARE_KERNELS(isa)                                                                                  \
   namespace endosdk::isa {                                                                                            \
+  void reduce_row(const uint8_t* source, ptrdiff_t stride, const Reduction& reduction, uint16_t* scratch,             \
+                  uint8_t* out);                                                                                      \
   void remap_rgb(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1, uint8_t* c2);     \
   void remap_gray(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out);                             \
   void split_rgb(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8_t* c2);                            \
