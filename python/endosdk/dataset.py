@@ -23,7 +23,6 @@ from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 
 FORMAT_VERSION = 1
 SPLITS = ("train", "test")
-LAYOUTS = ("endosdk",)
 DISPARITY_STEPS = 256.0
 LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 MATCH_TOLERANCE_PX = 1.0
@@ -64,10 +63,15 @@ def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDA
 
 
 def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> DatasetReader:
-    """Open one split of a data set. Raises DatasetInvalid when it is not complete."""
-    if layout not in LAYOUTS:
-        raise InvalidArgument("layout", f"must be one of {', '.join(LAYOUTS)}", layout)
-    return DatasetReader(Path(root), split)
+    """Open one split of a data set, ours or one in a public layout (`endosdk.dataset_layouts`).
+
+    Raises DatasetInvalid when it is not complete, InvalidArgument for an unknown layout or a split without truth.
+    """
+    if layout == "endosdk":
+        return DatasetReader(Path(root), split)
+    from endosdk.dataset_layouts import open_public
+
+    return open_public(Path(root), split, layout)
 
 
 class DatasetReader:
@@ -124,7 +128,7 @@ def read_record(root: Path) -> dict[str, Any]:
 def read_sample(folder: Path) -> Sample:
     """Read one sample folder. Raises DatasetInvalid naming the file that is missing or wrong."""
     record = _sample_record(folder)
-    left, right = _picture(folder / "left.png"), _picture(folder / "right.png")
+    left, right = read_colours(folder / "left.png"), read_colours(folder / "right.png")
     disparity = read_disparity(folder / "disparity.png")
     for name, array in (("right.png", right), ("disparity.png", disparity)):
         if array.shape[:2] != left.shape[:2]:
@@ -132,7 +136,7 @@ def read_sample(folder: Path) -> Sample:
     other = read_disparity(folder / "disparity_right.png") if (folder / "disparity_right.png").exists() else None
     occlusion = None
     if (folder / "occlusion.png").exists():
-        occlusion = _decode(folder / "occlusion.png", "IMREAD_GRAYSCALE") > 0
+        occlusion = read_gray(folder / "occlusion.png") > 0
     camera = record["camera"]
     return Sample(
         id=folder.name,
@@ -173,8 +177,14 @@ def _decode(path: Path, mode: str) -> NDArray[Any]:
     return np.asarray(image)
 
 
-def _picture(path: Path) -> NDArray[np.uint8]:
+def read_colours(path: Path) -> NDArray[np.uint8]:
+    """Read a picture as RGB [H,W,3]; a gray one has three equal channels. Raises DatasetInvalid when it is none."""
     return np.ascontiguousarray(_decode(path, "IMREAD_COLOR")[..., ::-1])
+
+
+def read_gray(path: Path) -> NDArray[np.uint8]:
+    """Read a picture as one channel [H,W] of 8 bits. Raises DatasetInvalid when it is none."""
+    return _decode(path, "IMREAD_GRAYSCALE")
 
 
 def read_disparity(path: Path) -> NDArray[np.float32]:

@@ -1,0 +1,32 @@
+"""Public stereo data sets in the layouts in which they are published, read as the same `Sample` as our own sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from endosdk.dataset import DatasetReader
+from endosdk.dataset_layouts.kitti import KittiReader
+from endosdk.dataset_layouts.middlebury import MiddleburyReader
+from endosdk.dataset_layouts.public import PublicReader
+from endosdk.dataset_layouts.scared import ScaredReader
+from endosdk.dataset_layouts.servct import ServCtReader
+from endosdk.errors import InvalidArgument
+
+READERS: dict[str, type[PublicReader]] = {
+    "kitti": KittiReader,
+    "middlebury": MiddleburyReader,
+    "scared": ScaredReader,
+    "servct": ServCtReader,
+}
+
+
+def open_public(root: Path, split: str, layout: str) -> DatasetReader:
+    """Open one split of a public set. Raises InvalidArgument for an unknown layout, DatasetInvalid for a wrong set."""
+    if layout not in READERS:
+        raise InvalidArgument("layout", f"must be one of endosdk, {', '.join(sorted(READERS))}", layout)
+    return READERS[layout](root, split)
+
+
+def usual_split(layout: str) -> str:
+    """Return the split that is meant for evaluation and has its truth published."""
+    return READERS[layout].usual_split if layout in READERS else "test"
