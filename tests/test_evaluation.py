@@ -7,7 +7,9 @@ from endosdk import errors
 from endosdk.cli import main
 from endosdk.dataset import Sample, open_dataset, write_record, write_sample
 from endosdk.evaluation import Answer, estimator_method, evaluate, sgbm_method
+from endosdk.image_files import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair
+from tests.test_dataset_layouts import write_middlebury
 
 SHIFTS = (6, 12, 18)
 
@@ -66,9 +68,47 @@ def test_no_pair_is_refused(planes):
 
 
 def test_command_prints_and_writes(planes, tmp_path, capsys):
-    file = tmp_path / "scores.json"
-    assert main(["evaluate", "--model", str(TINY_MODEL), "--data", str(planes), "--json", str(file)]) == 0
-    assert "EPE" in capsys.readouterr().out
-    record = json.loads(file.read_text())
+    out = tmp_path / "new" / "scores"
+    assert main(["evaluate", "--model", str(TINY_MODEL), "--data", str(planes), "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert "EPE" in told.out
+    assert "pair 3 of 3" in told.err
+    record = json.loads((out / "scores.json").read_text())
     assert record["scores"]["pairs"] == 3
+    assert record["data"]["sha256"] == open_dataset(planes, "test").sha256
     assert {"cpu", "versions", "commit", "date"} <= set(record["machine"])
+    worst = record["scores"]["worst"]
+    assert [entry["epe_px"] for entry in worst] == sorted((entry["epe_px"] for entry in worst), reverse=True)
+    pictures = sorted((out / "worst").iterdir())
+    assert [path.name for path in pictures] == [f"{rank:02d}_{entry['id']}.png" for rank, entry in enumerate(worst, 1)]
+    sample = open_dataset(planes, "test")[worst[0]["index"]]
+    shown = read_frame(pictures[0])
+    height, width = sample.left.shape[:2]
+    assert shown.shape[0] > 2 * height and shown.shape[1] > 2 * width
+    assert np.array_equal(shown[34 : 34 + height, 12 : 12 + width], sample.left)
+
+
+def test_command_reads_a_public_layout_and_its_own_split(tmp_path, capsys):
+    write_middlebury(tmp_path / "set/artroom1", "2021")
+    given = ["--layout", "middlebury", "--data", str(tmp_path / "set")]
+    assert main(["evaluate", "--model", str(TINY_MODEL), *given]) == 0
+    assert "pixels with truth" in capsys.readouterr().out
+    assert main(["evaluate", "--model", "sgbm", *given]) == 2
+    assert "must be wider than 80 px" in capsys.readouterr().err
+    assert main(["evaluate", "--model", "sgbm", "--layout", "kitti", "--data", str(tmp_path / "set")]) == 2
+    assert "must hold samples in the layout kitti, split train" in capsys.readouterr().err
+
+
+def test_perfect_pair_ranks_last_and_silent_pair_first(planes):
+    reader = open_dataset(planes, "test")
+
+    def method(sample):
+        silent = sample.id == reader.ids[1]
+        return Answer(sample.disparity + (np.nan if silent else sample.id == reader.ids[2]))
+
+    worst = evaluate(method, reader)["worst"]
+    assert [(entry["id"], entry["epe_px"]) for entry in worst] == [
+        (reader.ids[1], None),
+        (reader.ids[2], 1.0),
+        (reader.ids[0], 0.0),
+    ]

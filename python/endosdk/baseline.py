@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from endosdk.errors import InvalidArgument
+
 FloatMap = npt.NDArray[np.float32]
 
 
@@ -49,6 +51,8 @@ class SgbmBaseline:
         """Disparity, px, float32 [H, W] of a rectified RGB pair uint8 [H, W, 3]; NaN where it gives no answer."""
         import cv2
 
+        if left.shape[1] <= self.settings.max_disparity:
+            raise InvalidArgument("left", f"must be wider than {self.settings.max_disparity} px", left.shape[1])
         gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (left, right)]
         fixed = self._matcher.compute(*gray)
         return np.where(fixed > 0, fixed.astype(np.float32) / 16, np.float32(np.nan)).astype(np.float32)

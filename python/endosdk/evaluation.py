@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,16 @@ import numpy.typing as npt
 from endosdk.baseline import SgbmBaseline, fill_holes
 from endosdk.calibration import StereoCalibration
 from endosdk.dataset import DatasetReader, Sample
-from endosdk.errors import InvalidArgument
+from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.estimator import DepthEstimator
+from endosdk.image_files import write_picture
+from endosdk.picture import error_overview
 from endosdk.scores import ScoreBoard, evaluate_pair
 
 FloatMap = npt.NDArray[np.float32]
+
+WORST_PAIRS = 10
+PROGRESS_CELLS = 30
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,7 @@ def evaluate(method: Method, reader: DatasetReader, limit: int | None = None) ->
     """Run ``method`` over the first ``limit`` pairs (default: all).
 
     Returns the pooled measures of `ScoreBoard` for ``all`` and ``non_occluded`` pixels, the median time and ``worst``:
-    the ids of the ten pairs with the largest error.
+    id, index and error of the ten pairs with the largest error (None where a pair got no answer at all).
     """
     count = len(reader) if limit is None else min(limit, len(reader))
     if count < 1:
@@ -58,11 +64,30 @@ def evaluate(method: Method, reader: DatasetReader, limit: int | None = None) ->
             sigma=answer.sigma,
             confidence=answer.confidence,
         )
-        errors.append((evaluate_pair(answer.disparity, sample.disparity)["all"]["epe_px"] or float("inf"), sample.id))
+        errors.append((_pair_error(answer, sample), sample.id, index))
         times.append(answer.milliseconds)
         _progress(index + 1, count, time.perf_counter() - started)
-    worst = [{"id": name, "epe_px": error} for error, name in sorted(errors, reverse=True)[:10]]
+    ranked = sorted(errors, reverse=True)[:WORST_PAIRS]
+    worst = [{"id": name, "index": index, "epe_px": _finite(error)} for error, name, index in ranked]
     return {**board.result(), "ms_median": float(np.median(times)), "worst": worst}
+
+
+def write_worst(method: Method, reader: DatasetReader, scores: dict[str, Any], folder: Path) -> list[Path]:
+    """Draw the worst pairs of ``scores``, which `evaluate` returned for this method and reader; return the files."""
+    written = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", error) from error
+    for rank, entry in enumerate(scores["worst"], start=1):
+        sample = reader[entry["index"]]
+        found = "no answer" if entry["epe_px"] is None else f"{entry['epe_px']:.3f} px"
+        picture = error_overview(
+            sample.left, method(sample).disparity, sample.disparity, f"{rank}. {sample.id}: mean error {found}"
+        )
+        written.append(folder / f"{rank:02d}_{sample.id.replace('/', '_')}.png")
+        write_picture(written[-1], picture)
+    return written
 
 
 def estimator_method(
@@ -101,7 +126,21 @@ def sgbm_method(*, filled: bool) -> Method:
     return answer
 
 
+def _pair_error(answer: Answer, sample: Sample) -> float:
+    """Mean error of one pair, px; infinite without an answer, and -1, so that it ranks last, without any truth."""
+    measures = evaluate_pair(answer.disparity, sample.disparity)["all"]
+    if not measures["pixels"]:
+        return -1.0
+    return float("inf") if measures["epe_px"] is None else float(measures["epe_px"])
+
+
+def _finite(error: float) -> float | None:
+    return error if 0 <= error < float("inf") else None
+
+
 def _progress(done: int, count: int, elapsed: float) -> None:
     left = elapsed / done * (count - done)
+    bar = "#" * (PROGRESS_CELLS * done // count)
     end = "\n" if done == count else ""
-    print(f"\rpair {done} of {count}, {left:.0f} s left   ", end=end, file=sys.stderr, flush=True)
+    text = f"\r[{bar:{PROGRESS_CELLS}}] pair {done} of {count}, {left:.0f} s left   "
+    print(text, end=end, file=sys.stderr, flush=True)

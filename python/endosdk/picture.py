@@ -8,6 +8,7 @@ import numpy.typing as npt
 from endosdk.result import DepthResult, Reason
 
 Picture = npt.NDArray[np.uint8]
+Map = npt.NDArray[np.floating]
 
 _INK = (235, 235, 235)
 _PAPER = (24, 24, 28)
@@ -61,6 +62,25 @@ def overview(left: Picture, result: DepthResult) -> Picture:
     ]
     rows = [np.hstack(panels[i : i + 2]) for i in (0, 2)]
     return np.ascontiguousarray(np.vstack(rows))
+
+
+def error_overview(left: Picture, disparity: Map, truth: Map, caption: str) -> Picture:
+    """Four panels: left view, answer, truth, and the error where both are known; disparities [H, W] in px. RGB uint8.
+
+    Answer and truth share one scale. The error's scale ends at its 98th percentile, or at 1 px if that is less.
+    """
+    height = left.shape[0]
+    low, high = robust_range(truth)
+    error = np.abs(disparity - truth)
+    worst = max(1.0, robust_range(error)[1])
+    values = _scale(height, low, high)
+    panels = [
+        _panel(caption, left),
+        _panel("answer (px)", colour_map(disparity, low, high), values),
+        _panel("truth (px)", colour_map(truth, low, high), values),
+        _panel("absolute error (px)", colour_map(error, 0.0, worst), _scale(height, 0.0, worst)),
+    ]
+    return np.ascontiguousarray(np.vstack([np.hstack(panels[i : i + 2]) for i in (0, 2)]))
 
 
 def _fit(picture: Picture, width: int, height: int) -> Picture:

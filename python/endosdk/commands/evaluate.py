@@ -11,7 +11,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("--model", default="wang2020", help="shipped name, .onnx file, or sgbm (default: %(default)s)")
     parser.add_argument("--data", type=Path, required=True, help="folder of the data set")
-    parser.add_argument("--split", default="test", help="train or test (default: %(default)s)")
+    parser.add_argument(
+        "--layout",
+        default="endosdk",
+        help="how the set is laid out: endosdk, scared, servct, kitti or middlebury (default: %(default)s)",
+    )
+    parser.add_argument("--split", help="train or test (default: test, or the one whose truth is published)")
     parser.add_argument("--pairs", type=int, help="only the first so many pairs (default: all)")
     parser.add_argument(
         "--network-size",
@@ -20,7 +25,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--provider", default="cpu", help="cpu, cuda, tensorrt (default: %(default)s)")
     parser.add_argument("--threads", type=int, help="processor threads (default: all)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write scores.json there, and the worst ten pairs as pictures"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -28,10 +35,12 @@ def run(args: argparse.Namespace) -> int:
     from endosdk.bench import write_record
     from endosdk.commands.sizes import parse_size
     from endosdk.dataset import open_dataset
-    from endosdk.evaluation import estimator_method, evaluate, sgbm_method
+    from endosdk.dataset_layouts import usual_split
+    from endosdk.evaluation import estimator_method, evaluate, sgbm_method, write_worst
     from endosdk.machine import machine_record
 
-    reader = open_dataset(args.data, args.split)
+    split = args.split or usual_split(args.layout)
+    reader = open_dataset(args.data, split, layout=args.layout)
     if args.model == "sgbm":
         method = sgbm_method(filled=True)
     else:
@@ -42,11 +51,14 @@ def run(args: argparse.Namespace) -> int:
         if region in scores:
             _print_region(region, scores[region])
     print(f"time          {scores['ms_median']:.1f} ms a pair (median)")
-    if args.json:
-        command = f"endosdk evaluate --model {args.model} --data {reader.name} --split {args.split}"
-        data = {"name": reader.name, "split": args.split}
-        write_record(args.json, {"command": command, "data": data, "scores": scores, "machine": machine_record()})
-        print(f"written       {args.json}")
+    if args.out:
+        pictures = write_worst(method, reader, scores, args.out / "worst")
+        options = f"--layout {args.layout} --split {split}"
+        command = f"endosdk evaluate --model {args.model} --data {reader.root.name} {options}"
+        data = {"name": reader.name, "layout": args.layout, "split": split, "sha256": reader.sha256}
+        record = {"command": command, "data": data, "scores": scores, "machine": machine_record()}
+        write_record(args.out / "scores.json", record)
+        print(f"written       {args.out / 'scores.json'} and {len(pictures)} pictures in {args.out / 'worst'}")
     return 0
 
 
