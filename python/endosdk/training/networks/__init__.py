@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from endosdk.errors import InvalidArgument
 from endosdk.training.networks.base import StereoNetwork
-from endosdk.training.networks.fast import Fast
+from endosdk.training.networks.fast import Fast, Shape
 from endosdk.training.networks.wang2020 import Wang2020
 
 __all__ = ["NETWORKS", "StereoNetwork", "build_network"]
 
-NETWORKS: dict[str, Callable[..., StereoNetwork]] = {"fast": Fast, "wang2020": Wang2020}
+# The variants of fast are the other points on the front of latency and error, which `benchmarks/front.py` draws.
+NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
+    "fast": Fast,
+    "fast-small": partial(Fast, shape=Shape(blocks=1, layers=1)),
+    "fast-deep": partial(Fast, shape=Shape(layers=4, refine_layers=2)),
+    "fast-wide": partial(Fast, shape=Shape(stem=48, volume=32, refine=48)),
+    "wang2020": Wang2020,
+}
 
 
 def build_network(name: str, max_disparity: int = 72) -> StereoNetwork:

@@ -1,0 +1,98 @@
+"""Error against time of many methods on the same pairs in the same run, and the picture of it.
+
+    python -m benchmarks.front --data DIR --pairs 20 --threads 2 --models fast small=runs/small.onnx \
+        --json benchmarks/results/front.json --figure docs/images/front.png
+
+Models go the whole way from frame to full-size maps; StereoSGBM and StereoBM are timed for their matching alone, and their
+holes are filled for the error, so that all answer every pixel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from benchmarks.record import machine_record
+from endosdk.baseline import fill_holes
+from endosdk.dataset import Sample, open_dataset
+from endosdk.evaluation import Answer, Method, estimator_method, evaluate, sgbm_method
+
+BM_BLOCK = 21  # px, the default of OpenCV
+BM_DISPARITIES = 80  # as many as StereoSGBM searches here
+
+
+def bm_method() -> Method:
+    """Return the method that is StereoBM with its holes filled."""
+    matcher = cv2.StereoBM.create(BM_DISPARITIES, BM_BLOCK)
+
+    def answer(sample: Sample) -> Answer:
+        gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (sample.left, sample.right)]
+        started = time.perf_counter()
+        found = matcher.compute(*gray).astype("float32") / 16.0
+        elapsed = 1e3 * (time.perf_counter() - started)
+        found[found <= 0] = float("nan")
+        return Answer(fill_holes(found), milliseconds=elapsed)
+
+    return answer
+
+
+def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
+    """Draw error over time, one point a method."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(7.2, 4.4), layout="constrained")
+    for name, point in points.items():
+        ours = name not in ("sgbm", "bm", "wang2020")
+        axes.plot(point["ms"], point["epe_px"], "o" if ours else "s", color="C0" if ours else "C7", markersize=7)
+        axes.annotate(name, (point["ms"], point["epe_px"]), xytext=(6, 5), textcoords="offset points", fontsize=9)
+    axes.axvline(1000 / 45, color="C3", linewidth=1, linestyle="--")
+    axes.text(1000 / 45, axes.get_ylim()[1], " 45 FPS", color="C3", va="top", fontsize=8)
+    axes.set(xscale="log", yscale="log", xlabel="median time of a frame, ms", ylabel="end-point error, px", title=title)
+    axes.grid(which="both", alpha=0.25)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
+    parser.add_argument("--pairs", type=int, default=20, help="first so many pairs of the test split")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--models", nargs="+", required=True, metavar="NAME[=FILE]")
+    parser.add_argument("--json", type=Path, required=True)
+    parser.add_argument("--figure", type=Path, required=True)
+    args = parser.parse_args()
+    cv2.setNumThreads(args.threads)
+    reader = open_dataset(args.data, "test")
+    named = dict(entry.split("=", 1) if "=" in entry else (entry, entry) for entry in args.models)
+    methods: dict[str, Method] = {name: estimator_method(file, threads=args.threads) for name, file in named.items()}
+    methods |= {"sgbm": sgbm_method(filled=True), "bm": bm_method()}
+    points: dict[str, dict[str, Any]] = {}
+    for name, method in methods.items():
+        print(name, file=sys.stderr)
+        scores = evaluate(method, reader, args.pairs)
+        points[name] = {"ms": scores["ms_median"], "epe_px": scores["all"]["epe_px"], "kpe_1": scores["all"]["kpe_1"]}
+        print(f"{name:14} {points[name]['ms']:8.1f} ms  {points[name]['epe_px']:.3f} px")
+    record = {
+        "command": f"python -m benchmarks.front --data {reader.name} --pairs {args.pairs} --threads {args.threads} "
+        f"--models {' '.join(named)}",
+        "dataset": {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256},
+        "points": points,
+        **machine_record(),
+    }
+    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    draw(points, args.figure, f"{reader.name}, {args.pairs} pairs of 960 x 720, {args.threads} threads")
+
+
+if __name__ == "__main__":
+    main()
