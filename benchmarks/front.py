@@ -3,8 +3,8 @@
     python -m benchmarks.front --data DIR --pairs 20 --threads 2 --models fast small=runs/small.onnx \
         --json benchmarks/results/front.json --figure docs/images/front.png
 
-Models go the whole way from frame to full-size maps; StereoSGBM and StereoBM are timed for their matching alone, and their
-holes are filled for the error, so that all answer every pixel.
+Models go the whole way from frame to full-size maps; StereoSGBM and StereoBM are timed for their matching alone, and
+their holes are filled for the error, so that all answer every pixel.
 """
 
 from __future__ import annotations
