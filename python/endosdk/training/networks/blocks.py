@@ -74,6 +74,22 @@ def fold_batch_norm(network: nn.Module) -> None:
             module.norm = nn.Identity()
 
 
+def fold_residuals(network: nn.Module) -> None:
+    """Turn every convolution that adds its own input into one whose middle weights do, in place.
+
+    The same function without the addition, which runtimes would compute apart and in another memory layout: a third of
+    the time of a large layer. Batch norm must have been folded.
+    """
+    for module in network.modules():
+        if isinstance(module, ConvNorm) and module.residual:
+            weight = module.conv.weight
+            middle = tuple(side // 2 for side in weight.shape[2:])
+            with torch.no_grad():
+                for channel in range(weight.shape[0]):
+                    weight[(channel, channel, *middle)] += 1.0
+            module.residual = False
+
+
 COLOUR_GAIN, COLOUR_OFFSET = 1.0 / 64.0, -2.0  # bring 0..255 to -2..2, about the spread that initial weights expect
 
 
