@@ -1,4 +1,5 @@
 import threading
+import time
 import tracemalloc
 
 import numpy as np
@@ -6,8 +7,14 @@ import pytest
 
 from endosdk import DepthEstimator, errors
 from tests.conftest import TINY_MODEL, shifted_pair
+from tests.rigs import raw_rig
 
 SIZE = (96, 160)
+
+
+def small_rig():
+    """A raw rig for frames of SIZE."""
+    return raw_rig().scaled(SIZE[1], SIZE[0])
 
 
 def pairs(count=5):
@@ -18,37 +25,78 @@ def streaming_threads():
     return [thread for thread in threading.enumerate() if thread.name.startswith("endosdk-stream")]
 
 
-def test_stream_gives_what_predict_gives_in_order():
-    estimator = DepthEstimator(TINY_MODEL)
-    expected = [estimator.predict(*pair) for pair in pairs()]
-    found = list(estimator.stream(iter(pairs())))
-    assert [result.frame for result in found] == [6, 7, 8, 9, 10]
-    for a, b in zip(expected, found, strict=True):
-        np.testing.assert_array_equal(a.disparity, b.disparity)
-        np.testing.assert_array_equal(a.confidence, b.confidence)
-        np.testing.assert_array_equal(a.reasons, b.reasons)
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("reuse", [False, True])
+def test_stream_gives_what_predict_gives_in_order(threads, reuse):
+    estimator = DepthEstimator(TINY_MODEL, threads=threads, calibration=small_rig())
+    expected = [estimator.predict(*pair) for pair in pairs(7)]
+    count = 0
+    for count, (a, b) in enumerate(zip(expected, estimator.stream(iter(pairs(7)), reuse=reuse), strict=True), 1):
+        assert b.frame == 7 + count
+        for name in ("disparity", "confidence", "reasons", "depth", "sigma"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
         assert b.timings.rectify_ms > 0
+        left, _ = estimator.rectified_pair()
+        np.testing.assert_array_equal(left, rectified_by_predict(count - 1))
+    assert count == 7
+
+
+def rectified_by_predict(number):
+    estimator = DepthEstimator(TINY_MODEL, calibration=small_rig())
+    estimator.predict(*pairs(7)[number])
+    return estimator.rectified_pair()[0]
+
+
+def test_results_of_a_stream_are_the_consumers_own():
+    results = list(DepthEstimator(TINY_MODEL, threads=2).stream(pairs()))
+    assert len({result.disparity.ctypes.data for result in results}) == len(results)
+
+
+def test_reused_maps_come_round():
+    stream = DepthEstimator(TINY_MODEL, threads=2).stream(pairs(10), reuse=True)
+    assert len({result.disparity.ctypes.data for result in stream}) == 3
+
+
+def test_a_function_is_a_source_until_it_returns_none():
+    items = iter([*pairs(3), None, *pairs(2)])
+    assert len(list(DepthEstimator(TINY_MODEL).stream(lambda: next(items)))) == 3
+
+
+def test_a_source_may_reuse_its_frames():
+    estimator = DepthEstimator(TINY_MODEL, threads=2)
+    expected = [estimator.predict(*pair).disparity for pair in pairs()]
+
+    def camera():
+        left, right = (np.empty((*SIZE, 3), np.uint8) for _ in range(2))
+        for pair in pairs():
+            left[:], right[:] = pair
+            yield left, right
+
+    for answer, result in zip(expected, estimator.stream(camera()), strict=True):
+        np.testing.assert_array_equal(answer, result.disparity)
 
 
 def test_an_empty_stream_ends_at_once():
     assert list(DepthEstimator(TINY_MODEL).stream([])) == []
 
 
-def test_no_more_than_one_pair_is_fetched_ahead():
+def test_no_more_pairs_are_in_flight_than_there_are_threads():
     drawn = 0
 
     def source():
         nonlocal drawn
-        for pair in pairs(10):
+        for pair in pairs(20):
             drawn += 1
             yield pair
 
-    stream = DepthEstimator(TINY_MODEL).stream(source())
-    for number in range(1, 4):
+    stream = DepthEstimator(TINY_MODEL, threads=2).stream(source())
+    for number in range(1, 6):
         next(stream)
-        assert drawn <= number + 1
+        time.sleep(0.05)  # a stream without bound would draw on
+        assert drawn <= number + 2
     stream.close()
     assert streaming_threads() == []
+    assert drawn < 20
 
 
 def test_predict_between_two_frames_does_not_disturb_the_stream():
@@ -57,6 +105,7 @@ def test_predict_between_two_frames_does_not_disturb_the_stream():
     for number, result in enumerate(estimator.stream(pairs())):
         np.testing.assert_array_equal(result.disparity, expected[number])
         np.testing.assert_array_equal(estimator.predict(*pairs()[0]).disparity, expected[0])
+        assert estimator.predict(*shifted_pair(64, 128, 4)).disparity.shape == (64, 128)
 
 
 def failing_source():
@@ -70,8 +119,10 @@ def failing_source():
         (failing_source, ConnectionError, 2),
         (lambda: [*pairs(2), (np.zeros((96, 160, 3), np.float32),) * 2], errors.InvalidArgument, 2),
         (lambda: [*pairs(1), shifted_pair(64, 160, 4)], errors.InvalidArgument, 1),
+        (lambda: [*pairs(3), pairs(1)[0][0]], errors.InvalidArgument, 3),
+        (lambda: [*pairs(3), None], errors.InvalidArgument, 3),
     ],
-    ids=["source", "type", "size"],
+    ids=["source", "type", "size", "no pair", "none"],
 )
 def test_an_error_comes_in_its_turn_and_the_estimator_lives(source, error, good):
     estimator = DepthEstimator(TINY_MODEL)
@@ -82,6 +133,11 @@ def test_an_error_comes_in_its_turn_and_the_estimator_lives(source, error, good)
     assert len(seen) == good
     assert streaming_threads() == []
     assert estimator.predict(*pairs(1)[0]).disparity.shape == SIZE
+
+
+def test_what_is_no_source_is_refused_at_once():
+    with pytest.raises(errors.InvalidArgument, match="source"):
+        DepthEstimator(TINY_MODEL).stream(3)
 
 
 def largest_growth(step, frames=5):

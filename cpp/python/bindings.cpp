@@ -289,6 +289,7 @@ void bind_settings(py::module_& m) {
   m.def("threads", &thread_count, "Threads that the kernels may use.");
   m.def("set_threads", &set_thread_count, py::arg("n"), py::call_guard<py::gil_scoped_release>(),
         "Set the number of threads, 1 to 256.");
+  m.def("stay_alone", &stay_alone, "Let kernels that the calling thread starts run on that thread alone from now on.");
 }
 
 void bind_rectification(py::module_& m) {

@@ -16,6 +16,8 @@
 namespace endosdk {
 namespace {
 
+thread_local bool is_alone = false;
+
 int default_threads() {
   constexpr int plenty = 8;  // beyond this the kernels wait for memory
   cpu_set_t cores;
@@ -158,6 +160,14 @@ void set_thread_count(int count) {
   pool().resize(count);
 }
 
-void parallel_for(int count, int block, LoopBody body, int workers) { pool().run(count, block, body, workers); }
+void stay_alone() { is_alone = true; }
+
+void parallel_for(int count, int block, LoopBody body, int workers) {
+  if (is_alone) {
+    for (int begin = 0; begin < count; begin += block) body(begin, std::min(begin + block, count), 0);
+  } else {
+    pool().run(count, block, body, workers);
+  }
+}
 
 }  // namespace endosdk

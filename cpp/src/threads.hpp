@@ -17,6 +17,10 @@ int thread_count();
 constexpr int max_threads = 256;
 void set_thread_count(int count);
 
+// Makes every later loop of the calling thread run on that thread alone: for callers that compute several frames at a
+// time, one per thread.
+void stay_alone();
+
 // A reference to the body of a loop; it is called as body(begin, end, worker) with worker below thread_count().
 class LoopBody {
  public:

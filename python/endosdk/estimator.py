@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import threading
 import time
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,28 @@ from endosdk.postprocess import Limits, Maps, postprocess
 from endosdk.rectify import CHANNEL_ORDERS, Frame, RectifyStage, check_pair
 from endosdk.result import DepthResult, Timings, status_of
 from endosdk.session import Buffers, StereoSession, padded
+from endosdk.stream import InFlight
+
+# Frames in flight on an accelerator: one is rectified while the network works on another.
+ACCELERATOR_LANES = 2
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """What one frame in work needs: maps of the lens, which slots share, and the network's memory."""
+
+    stage: RectifyStage
+    buffers: Buffers
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """A frame that is done."""
+
+    slot: _Slot
+    maps: Maps
+    answered: int  # pixels with an answer
+    timings: Timings
 
 
 class DepthEstimator:
@@ -42,9 +63,8 @@ class DepthEstimator:
         depth_range_mm: (nearest, farthest) depth that counts as an answer.
         spinning: let waiting threads of the network poll; False saves power and costs some latency.
 
-    `predict` answers one pair with the least delay, `stream` a sequence of them. Both may be called from any thread;
-    frames of one estimator are computed one after the other. Use one estimator per thread to run in parallel. An error
-    leaves the estimator usable.
+    `predict` answers one pair with the least delay, `stream` a sequence of them at the highest rate. Both may be called
+    from any thread; calls of `predict` on one estimator run one after the other. An error leaves the estimator usable.
     """
 
     def __init__(
@@ -72,7 +92,8 @@ class DepthEstimator:
         self._session = StereoSession(
             read_model(model, integer_units=integer_units), provider=provider, threads=self._threads, spinning=spinning
         )
-        self._frame_size: tuple[int, int] | None = None
+        self._slot: _Slot | None = None  # of predict
+        self._latest: _Slot | None = None
         self._frames = 0
         self._lock = threading.Lock()
 
@@ -107,84 +128,93 @@ class DepthEstimator:
         """
         left, right = check_pair(left, right)
         with self._lock:
-            self._prepare(left.shape[1], left.shape[0])
-            maps = self._maps(out)
-            started = time.perf_counter()
-            self._stage(left, right, self._buffers.left, self._buffers.right, self._order)
-            rectify_ms = 1e3 * (time.perf_counter() - started)
-            return self._infer(self._buffers, rectify_ms, maps)
+            slot = self._prepared(left.shape[1], left.shape[0])
+            maps = self._maps(out, slot.stage.frame_size)
+            return self._result(self._infer(self._session, slot, maps, self._rectify(slot, left, right)))
 
-    def stream(self, source: Iterable[tuple[Any, Any]], *, reuse: bool = False) -> Iterator[DepthResult]:
-        """Estimate depth for every (left, right) of ``source``, in order, as `predict` would.
+    def stream(
+        self, source: Iterable[tuple[Any, Any]] | Callable[[], tuple[Any, Any] | None], *, reuse: bool = False
+    ) -> Iterator[DepthResult]:
+        """Estimate depth for every (left, right) of ``source``, in order and with the answers of `predict`.
 
-        While the network works on one pair, a second thread fetches the next one from ``source`` and rectifies it, so
-        a camera is read without waiting and the stages overlap where there are cores to spare. No more than one pair is
-        fetched ahead. All frames must have the size of the first.
+        As many frames are in flight as the estimator has threads, each on one thread from end to end: no core waits
+        for another, so the rate is the highest there is, at the price of a delay of one frame's time on one thread.
+        Those threads read ``source``, one at a time. All frames must have the size of the first.
 
         Args:
-            source: yields pairs as `predict` takes them. A frame may be overwritten once the next one is asked for.
-            reuse: give every result the same maps; each is then good until the next one is drawn, and no memory is
-                allocated per frame.
+            source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
+                frame may be overwritten once the next one is asked for.
+            reuse: write all results into a fixed ring of maps, so that no memory is allocated per frame; each result is
+                then good until the next one is drawn.
 
         An error in ``source`` or in a frame is raised in its turn, after the results of the frames before it; it ends
-        the stream and leaves the estimator usable. So does a frame of another size, here or given to `predict`.
+        the stream and leaves the estimator usable.
+
+        Raises:
+            InvalidArgument: ``source`` is neither, or its frames are no pairs of one size.
         """
-        pairs = iter(source)
-        slots: list[Buffers] = []
+        if callable(source):
+            return self._stream(iter(source, None), reuse)
+        if not isinstance(source, Iterable):
+            raise InvalidArgument(
+                "source", "must yield pairs, or be a function that returns them", type(source).__name__
+            )
+        return self._stream(iter(source), reuse)
 
-        def rectify_next(number: int) -> float | None:
-            pair = next(pairs, None)
-            if pair is None:
-                return None
-            left, right = check_pair(*pair)
+    def _stream(self, pairs: Iterator[tuple[Any, Any]], reuse: bool) -> Iterator[DepthResult]:
+        session = self._session.for_one_thread_each()
+        lanes = self._threads if session.is_on_processor else ACCELERATOR_LANES
+        ring: list[_Slot] = []  # one more than lanes: the consumer holds a result too
+        maps: list[Maps] = []
+
+        def take(number: int, pair: tuple[Any, Any]) -> float:
+            left, right = _checked_item(pair)
             size = left.shape[1], left.shape[0]
-            if not slots:
+            if not ring:
                 with self._lock:
-                    self._prepare(*size)
-                    slots.extend(self._new_buffers() for _ in range(2))
-            if size != self._frame_size:
-                raise InvalidArgument("source", f"must keep the frame size {self._frame_size}", size)
-            started = time.perf_counter()
-            slot = slots[number % 2]
-            self._stage(left, right, slot.left, slot.right, self._order)
-            return 1e3 * (time.perf_counter() - started)
+                    stage = self._prepared(*size).stage
+                ring.extend(self._new_slot(stage, session) for _ in range(lanes + 1))
+                maps.extend(self._new_maps(size) for _ in ring if reuse)
+            slot = ring[number % len(ring)]
+            if size != slot.stage.frame_size:
+                raise InvalidArgument("source", f"must keep the frame size {slot.stage.frame_size}", size)
+            return self._rectify(slot, left, right)
 
-        ahead = ThreadPoolExecutor(1, thread_name_prefix="endosdk-stream")
-        try:
-            result: DepthResult | None = None
-            coming = ahead.submit(rectify_next, 0)
-            for number in itertools.count():
-                rectify_ms = coming.result()
-                if rectify_ms is None:
-                    return
-                coming = ahead.submit(rectify_next, number + 1)
-                with self._lock:
-                    maps = self._maps(result if reuse else None)
-                    result = self._infer(slots[number % 2], rectify_ms, maps)
-                yield result
-        finally:
-            ahead.shutdown(wait=True, cancel_futures=True)
+        def compute(number: int, rectify_ms: float) -> _Answer:
+            slot = ring[number % len(ring)]
+            own = maps[number % len(maps)] if reuse else self._new_maps(slot.stage.frame_size)
+            return self._infer(session, slot, own, rectify_ms)
 
-    def _infer(self, buffers: Buffers, rectify_ms: float, maps: Maps) -> DepthResult:
-        """Run the network on rectified buffers and fill the maps."""
+        for answer in InFlight(pairs, lanes, take, compute).results():
+            with self._lock:
+                result = self._result(answer)
+            yield result
+
+    def _rectify(self, slot: _Slot, left: Frame, right: Frame) -> float:
+        """Write the network's pictures and return the time it took, ms."""
         started = time.perf_counter()
-        self._session.run(buffers)
+        slot.stage(left, right, slot.buffers.left, slot.buffers.right, self._order)
+        return 1e3 * (time.perf_counter() - started)
+
+    def _infer(self, session: StereoSession, slot: _Slot, maps: Maps, rectify_ms: float) -> _Answer:
+        """Run the network on rectified pictures and fill the maps."""
+        started = time.perf_counter()
+        session.run(slot.buffers)
         inferred = time.perf_counter()
-        answered = postprocess(buffers, self._stage, self._geometry, self._limits, maps)
+        answered = postprocess(slot.buffers, slot.stage, self._geometry, self._limits, maps)
         finished = time.perf_counter()
-        self._frames += 1
-        self._latest = buffers
         timings = Timings(rectify_ms, 1e3 * (inferred - started), 1e3 * (finished - inferred))
-        return self._result(maps, answered, timings)
+        return _Answer(slot, maps, answered, timings)
 
     def rectified_pair(self) -> tuple[Frame, Frame]:
         """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each."""
         with self._lock:
-            if self._frames == 0:
+            if self._latest is None:
                 raise InvalidArgument("estimator", "predict must be called before rectified_pair", "no frame yet")
-            width, height = self._stage.size
+            width, height = self._latest.stage.size
             left, right = (
-                view[:, :height, :width].transpose(1, 2, 0).copy() for view in (self._latest.left, self._latest.right)
+                view[:, :height, :width].transpose(1, 2, 0).copy()
+                for view in (self._latest.buffers.left, self._latest.buffers.right)
             )
             return left, right
 
@@ -201,44 +231,49 @@ class DepthEstimator:
             "integer_units": _core.has_integer_units(),
             "model": {"name": info.name, "version": info.version, "sha256": info.sha256},
             "calibration_sha256": None if self._calibration is None else self._calibration.sha256,
-            "network_size": self._network_size if self._frame_size is None else self._stage.size,
+            "network_size": self._network_size if self._slot is None else self._slot.stage.size,
             "frames": self._frames,
         }
 
-    def _prepare(self, width: int, height: int) -> None:
-        """Build maps and buffers for this frame size; nothing changes when it is refused."""
-        if self._frame_size == (width, height):
-            return
+    def _prepared(self, width: int, height: int) -> _Slot:
+        """Return maps and buffers for this frame size; nothing changes when it is refused."""
+        if self._slot is not None and self._slot.stage.frame_size == (width, height):
+            return self._slot
         usual_width = self._session.info.usual_width or 0
         network_size = self._network_size or _core.usual_network_size(width, height, usual_width)
-        stage = RectifyStage((width, height), self._calibration, network_size)
-        self._stage = stage
-        self._buffers = self._new_buffers()
-        self._frame_size = (width, height)
+        self._slot = self._new_slot(RectifyStage((width, height), self._calibration, network_size), self._session)
+        return self._slot
 
-    def _new_buffers(self) -> Buffers:
-        multiple = self._session.info.input_multiple
-        width, height = self._stage.size
-        return self._session.buffers(padded(height, multiple), padded(width, multiple))
+    def _new_slot(self, stage: RectifyStage, session: StereoSession) -> _Slot:
+        multiple = session.info.input_multiple
+        width, height = stage.size
+        return _Slot(stage, session.buffers(padded(height, multiple), padded(width, multiple)))
 
-    def _maps(self, out: DepthResult | None) -> Maps:
-        assert self._frame_size is not None
-        width, height = self._frame_size
+    def _new_maps(self, size: tuple[int, int]) -> Maps:
+        return Maps.allocate(*size, metric=self._geometry is not None)
+
+    def _maps(self, out: DepthResult | None, size: tuple[int, int]) -> Maps:
+        """Return the maps of an earlier result, or new ones."""
         if out is None:
-            return Maps.allocate(width, height, metric=self._geometry is not None)
+            return self._new_maps(size)
+        width, height = size
         if out.disparity.shape != (height, width) or (out.depth_map is None) != (self._geometry is None):
             raise InvalidArgument("out", f"must be a result of this estimator, {height, width}", out.disparity.shape)
         return Maps(out.disparity, out.confidence, out.reasons, out.depth_map, out.sigma_map)
 
-    def _result(self, maps: Maps, answered: int, timings: Timings) -> DepthResult:
-        share = answered / maps.reasons.size
+    def _result(self, answer: _Answer) -> DepthResult:
+        """Count a frame that is done and give its maps to the user."""
+        maps = answer.maps
+        share = answer.answered / maps.reasons.size
+        self._frames += 1
+        self._latest = answer.slot
         return DepthResult(
             disparity=maps.disparity,
             confidence=maps.confidence,
             reasons=maps.reasons,
             status=status_of(share),
             valid_share=share,
-            timings=timings,
+            timings=answer.timings,
             frame=self._frames,
             model=self._session.info,
             geometry=self._geometry,
@@ -246,6 +281,12 @@ class DepthEstimator:
             depth_map=maps.depth,
             sigma_map=maps.sigma,
         )
+
+
+def _checked_item(item: Any) -> tuple[Frame, Frame]:
+    if not isinstance(item, tuple | list) or len(item) != 2:
+        raise InvalidArgument("source", "must yield (left, right)", type(item).__name__)
+    return check_pair(*item)
 
 
 def _check_order(order: str) -> str:

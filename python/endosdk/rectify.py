@@ -26,7 +26,7 @@ class RectifyStage:
     """Rectifies raw frames of one size, or only repacks frames that are rectified already.
 
     ``frame_size`` is (width, height) of the frames; ``network_size``, likewise, of the pictures written, before
-    padding; it stays readable as ``size``.
+    padding. Both stay readable, the second as ``size``.
     """
 
     def __init__(
@@ -41,6 +41,7 @@ class RectifyStage:
                 f"must be for frames of {frame_size[0]}x{frame_size[1]} (see StereoCalibration.scaled and .cropped)",
                 f"{calibration.width}x{calibration.height}",
             )
+        self.frame_size = frame_size
         self.size = network_size
         self.valid_left: Frame | None = None
         self.valid_right: Frame | None = None

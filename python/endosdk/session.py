@@ -78,9 +78,9 @@ class StereoSession:
 
     def __init__(self, model: ModelFile, *, provider: str = "cpu", threads: int = 0, spinning: bool = True) -> None:
         runtime = load_runtime()
+        self._model, self._threads = model, threads
         self.runtime_version: str = runtime.__version__
         self.provider = _provider_name(provider, runtime.get_available_providers())
-        self._runtime = runtime
         options = _session_options(runtime, self.provider, threads, spinning)
         try:
             self._session = runtime.InferenceSession(model.data, options, providers=[self.provider])
@@ -99,6 +99,17 @@ class StereoSession:
             if value <= 0 or value % multiple:
                 raise InvalidArgument(name, f"must be a positive multiple of {multiple}", value)
         return Buffers(self._session.io_binding(), height, width, self.info.output_stride)
+
+    @property
+    def is_on_processor(self) -> bool:
+        """Whether the model runs on the processor's cores, and on no accelerator."""
+        return self.provider == PROVIDERS["cpu"]
+
+    def for_one_thread_each(self) -> StereoSession:
+        """Return a session whose runs stay on the thread that calls, so that several frames can run at a time."""
+        if not self.is_on_processor or self._threads == 1:
+            return self
+        return StereoSession(self._model, provider=self.provider, threads=1)
 
     def run(self, buffers: Buffers) -> None:
         """Compute ``disparity`` and ``confidence`` from ``left`` and ``right``; the GIL is released meanwhile."""
