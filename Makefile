@@ -22,7 +22,7 @@ lint: $(VENV)/.develop
 	$(BIN)/mypy
 
 bench: $(VENV)/.runtime
-	$(BIN)/endosdk-bench --model wang2020 --size 960x720 --threads 2 --frames 10 --warmup 2 --against sgbm
+	$(BIN)/endosdk-bench --model fast --size 960x720 --threads 2 --frames 300 --against sgbm
 
 # What an application needs: the package with its processor runtime, no training, no renderer.
 $(VENV)/.runtime: $(VENV)/.python pyproject.toml CMakeLists.txt $(shell find cpp models examples/data python -type f -not -name '*.pyc')

@@ -9,7 +9,7 @@ from typing import Any
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("--model", default="wang2020", help="shipped name, .onnx file, or sgbm (default: %(default)s)")
+    parser.add_argument("--model", default="fast", help="shipped name, .onnx file, or sgbm (default: %(default)s)")
     parser.add_argument("--data", type=Path, required=True, help="folder of the data set")
     parser.add_argument(
         "--layout",

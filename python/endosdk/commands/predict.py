@@ -20,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("left", type=Path, help="left view, a picture file")
     parser.add_argument("right", type=Path, help="right view, a picture file")
-    parser.add_argument("--model", default="wang2020", help="shipped name or .onnx file (default: %(default)s)")
+    parser.add_argument("--model", default="fast", help="shipped name or .onnx file (default: %(default)s)")
     parser.add_argument("--calibration", type=Path, help="rig file; without it the pair must be rectified already")
     parser.add_argument(
         "--network-size",
