@@ -15,7 +15,8 @@ import pytest
 from endosdk.cli import main
 from endosdk.dataset import open_dataset, verify_dataset
 from endosdk.errors import InvalidArgument
-from endosdk.simulation.generate import SEED_BLOCK, TEST_OFFSET, Recipe, generate
+from endosdk.simulation.generate import generate
+from endosdk.simulation.recipe import SEED_BLOCK, TEST_OFFSET, Recipe
 
 SIZE = ("--width", "64", "--height", "48", "--focal", "27")
 SMALL = ("--organ", "ducts", "--seed", "3", "--max-disparity", "6", "--min-disparity", "0.2", *SIZE)

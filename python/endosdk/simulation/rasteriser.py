@@ -35,6 +35,8 @@ class _Drawable:
 class Rasteriser:
     """Draws meshes from any view. Holds one OpenGL context; use it from one thread."""
 
+    casts_shadows = False
+
     def __init__(self) -> None:
         """Start OpenGL without a screen. Raises DependencyMissing or RendererUnavailable, saying what to install."""
         try:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from endosdk.calibration import StereoCalibration
 from endosdk.dataset import Sample
-from endosdk.simulation.camera import RectifiedPair, StereoCamera, View, aligned_pair
+from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, aligned_pair
 from endosdk.simulation.curve import Floats
+from endosdk.simulation.effects import Effects, subsample_chroma, turning
 from endosdk.simulation.noise import Array
-from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.sample import Limits, Placed, draw_light, draw_pair, load_scene, place_camera
+from endosdk.simulation.renderer import Renderer
+from endosdk.simulation.sample import NO_EFFECTS, Limits, Placed, draw_light, draw_pair, load_scene, place_camera
 from endosdk.simulation.scene import draw_scene
 from endosdk.simulation.sensor import expose
 
@@ -61,7 +62,12 @@ def _turn(axis: Floats) -> Floats:
 
 
 def render_raw_sample(
-    renderer: Rasteriser, rig: StereoCalibration, seed: int, organ: str, limits: Limits
+    renderer: Renderer,
+    rig: StereoCalibration,
+    seed: int,
+    organ: str,
+    limits: Limits,
+    effects: Effects = NO_EFFECTS,
 ) -> tuple[Sample, RawPair]:
     """Render what a rig sees of the seed's scene, and the sample in its rectified frame, with the truth.
 
@@ -74,11 +80,12 @@ def render_raw_sample(
     scene = draw_scene(seed, organ)
     load_scene(renderer, scene, camera)
     placed = place_camera(renderer, scene, camera, limits)
-    placed, sample = draw_pair(renderer, placed, pair, limits)
+    instants = turning(placed.pose, effects.motion_px, camera.focal_px, seed)
+    placed, sample = draw_pair(renderer, placed, pair, limits, effects, instants)
     # The rig's frame is the rectified left camera's; a raw camera is that one, or its neighbour, turned back.
     apart = np.array([-geometry.baseline_mm, 0.0, 0.0])
     raw = [
-        _through_lens(renderer, placed, pair, matrix, lens, turn.T, turn.T @ shift, (rig.width, rig.height))
+        _through_lens(renderer, placed, pair, instants, matrix, lens, turn.T, turn.T @ shift, (rig.width, rig.height))
         for matrix, lens, turn, shift in (
             (rig.left_matrix, rig.left_distortion, geometry.R1, np.zeros(3)),
             (rig.right_matrix, rig.right_distortion, geometry.R2, apart),
@@ -86,13 +93,16 @@ def render_raw_sample(
     ]
     renderer.clear()
     left, right = expose(raw[0], raw[1], scene.sensor, (seed, 9))
+    if effects.chroma:
+        left, right = subsample_chroma(left), subsample_chroma(right)
     return sample, RawPair(left, right, rig)
 
 
 def _through_lens(
-    renderer: Rasteriser,
+    renderer: Renderer,
     placed: Placed,
     pair: RectifiedPair,
+    instants: tuple[Pose, ...],
     matrix: Floats,
     lens: Floats,
     rotation: Floats,
@@ -110,7 +120,7 @@ def _through_lens(
     wide = np.array([[focal, 0, 2.0 - focal * low[0]], [0, focal, 2.0 - focal * low[1]], [0, 0, 1.0]])
     view = View(wide, width, height, rotation, translation)
     disparity = pair.disparity(renderer.depth(view, placed.pose, placed.scale))
-    light = draw_light(renderer, view, placed, pair, disparity)
+    light = draw_light(renderer, view, placed, pair, disparity, instants)
     places = (rays * focal + wide[:2, 2]).astype(np.float32).reshape(size[1], size[0], 2)
     warped = cv2.remap(light, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(warped, np.float32)

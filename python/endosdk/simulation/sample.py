@@ -11,12 +11,13 @@ import numpy as np
 from endosdk.dataset import Sample, find_occlusion
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, rectified_pair
+from endosdk.simulation.effects import Effects, subsample_chroma, turning
 from endosdk.simulation.geometry import Mesh, build_mesh
 from endosdk.simulation.instrument import instrument_parts
 from endosdk.simulation.junction import join_lumens
 from endosdk.simulation.noise import Array
 from endosdk.simulation.organs import Part
-from endosdk.simulation.rasteriser import Rasteriser
+from endosdk.simulation.renderer import Renderer
 from endosdk.simulation.scene import Scene, candidate_poses, draw_scene
 from endosdk.simulation.sensor import expose
 from endosdk.simulation.shadow import near_shadow
@@ -26,6 +27,7 @@ GENERATOR_VERSION = "2"
 POSE_TRIALS = 8
 PREVIEW_PX = 240
 TEXTURED_FOR_PX = 960  # width of picture for which the sizes of textures are given
+NO_EFFECTS = Effects()
 # A pose is refused when little of the picture is near, or when a fold right at the lens takes all the range.
 CLOSE_SHARE, CLOSE_DISPARITY = 0.25, 0.33
 LENS_SHARE, LENS_DISPARITY = 0.03, 0.85
@@ -56,25 +58,47 @@ class Placed:
     reach: float  # mm, typical distance; the lamp is set to it
 
 
-def render_sample(renderer: Rasteriser, seed: int, organ: str, camera: StereoCamera, limits: Limits) -> Sample:
+def render_sample(
+    renderer: Renderer,
+    seed: int,
+    organ: str,
+    camera: StereoCamera,
+    limits: Limits,
+    effects: Effects = NO_EFFECTS,
+) -> Sample:
     """Render the sample of this seed: a function of its arguments and of ``renderer.version`` alone."""
     scene = draw_scene(seed, organ)
     load_scene(renderer, scene, camera)
     placed = place_camera(renderer, scene, camera, limits)
-    _, sample = draw_pair(renderer, placed, rectified_pair(camera), limits)
+    instants = turning(placed.pose, effects.motion_px, camera.focal_px, seed)
+    _, sample = draw_pair(renderer, placed, rectified_pair(camera), limits, effects, instants)
     renderer.clear()
     return sample
 
 
-def draw_pair(renderer: Rasteriser, placed: Placed, pair: RectifiedPair, limits: Limits) -> tuple[Placed, Sample]:
-    """Draw a placed scene and its truth; return it as it was drawn, since a thin tip may ask for a larger organ."""
+def draw_pair(
+    renderer: Renderer,
+    placed: Placed,
+    pair: RectifiedPair,
+    limits: Limits,
+    effects: Effects,
+    instants: tuple[Pose, ...],
+    frame: int | None = None,
+) -> tuple[Placed, Sample]:
+    """Draw a placed scene and its truth; return it as it was drawn, since a thin tip may ask for a larger organ.
+
+    ``instants`` are the poses while the shutter is open; the truth is that of ``placed``. Every ``frame`` of a video
+    has noise of its own.
+    """
     scene = placed.scene
     placed, truth = draw_truth(renderer, placed, pair, limits)
     light = [
-        draw_light(renderer, view, placed, pair, disparity)
+        draw_light(renderer, view, placed, pair, disparity, instants)
         for view, disparity in zip((pair.left, pair.right), truth, strict=True)
     ]
-    left, right = expose(light[0], light[1], scene.sensor, (scene.seed, 7))
+    left, right = expose(light[0], light[1], scene.sensor, (scene.seed, 7) if frame is None else (scene.seed, 7, frame))
+    if effects.chroma:
+        left, right = subsample_chroma(left), subsample_chroma(right)
     sample = Sample(
         id=f"{scene.seed:09d}",
         left=left,
@@ -89,7 +113,7 @@ def draw_pair(renderer: Rasteriser, placed: Placed, pair: RectifiedPair, limits:
     return placed, sample
 
 
-def load_scene(renderer: Rasteriser, scene: Scene, camera: StereoCamera) -> None:
+def load_scene(renderer: Renderer, scene: Scene, camera: StereoCamera) -> None:
     """Build every surface of the scene, as finely painted as the camera sees, and replace what the renderer held."""
     renderer.clear()
     meshes = [build_mesh(part.shape, (part.seed, 0)) for part in scene.parts]
@@ -97,14 +121,14 @@ def load_scene(renderer: Rasteriser, scene: Scene, camera: StereoCamera) -> None
         _add(renderer, part, mesh, camera)
 
 
-def _add(renderer: Rasteriser, part: Part, mesh: Mesh, camera: StereoCamera) -> None:
+def _add(renderer: Renderer, part: Part, mesh: Mesh, camera: StereoCamera) -> None:
     pixels = max(64, round(part.texture_px * min(camera.width / TEXTURED_FOR_PX, 2.0)))
     renderer.add(mesh, part.tissue, paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, pixels))
 
 
-def place_camera(renderer: Rasteriser, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
+def place_camera(renderer: Renderer, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
     """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range."""
-    preview = rectified_pair(_smaller(camera)).left
+    preview = rectified_pair(smaller(camera)).left
     wanted = max(limits.largest * scene.nearest_share, 4 * limits.smallest)
     pose = _choose_pose(renderer, scene, preview, limits.smallest / wanted)
     if scene.instrument is not None:
@@ -114,24 +138,25 @@ def place_camera(renderer: Rasteriser, scene: Scene, camera: StereoCamera, limit
     return Placed(scene, pose, scale, scale * float(np.median(renderer.depth(preview, pose, 1.0))))
 
 
-def _choose_pose(renderer: Rasteriser, scene: Scene, preview: View, smallest_share: float) -> Pose:
+def _choose_pose(renderer: Renderer, scene: Scene, preview: View, smallest_share: float) -> Pose:
     """Return the first candidate without fault, or the best of all that are tried."""
     tried: list[tuple[float, int, Pose]] = []
     for pose in islice(candidate_poses(scene), POSE_TRIALS):
-        fault = _pose_fault(renderer.depth(preview, pose, 1.0), smallest_share)
+        fault = pose_fault(renderer.depth(preview, pose, 1.0), smallest_share)
         if fault == 0.0:
             return pose
         tried.append((fault, len(tried), pose))
     return min(tried)[2]
 
 
-def _smaller(camera: StereoCamera) -> StereoCamera:
+def smaller(camera: StereoCamera) -> StereoCamera:
+    """Return the camera of a preview: the same view in few pixels."""
     factor = PREVIEW_PX / camera.width
     height = max(16, round(camera.height * factor))
     return StereoCamera(PREVIEW_PX, height, camera.focal_px * factor, camera.baseline_mm)
 
 
-def _pose_fault(depth: Array, smallest_share: float) -> float:
+def pose_fault(depth: Array, smallest_share: float) -> float:
     """Return 0 for a good pose, else how bad it is. Shares are of the nearest surface's disparity."""
     share = float(depth.min()) / depth
     fault = max(0.0, CLOSE_SHARE - float((share > CLOSE_DISPARITY).mean()))
@@ -139,9 +164,9 @@ def _pose_fault(depth: Array, smallest_share: float) -> float:
     return fault + 5.0 * float((share < smallest_share).mean())
 
 
-def _fit_scale(renderer: Rasteriser, pose: Pose, camera: StereoCamera, wanted: float) -> float:
+def _fit_scale(renderer: Renderer, pose: Pose, camera: StereoCamera, wanted: float) -> float:
     """Return the scale at which the largest disparity of either view of a preview is about ``wanted``."""
-    small = _smaller(camera)
+    small = smaller(camera)
     pair = rectified_pair(small)
     views = (pair.left, pair.right)
     # The left view scales exactly; the right one shifts a little with the scale, hence the second round.
@@ -155,7 +180,7 @@ def _largest_disparity(depth: Array, camera: StereoCamera) -> float:
 
 
 def draw_truth(
-    renderer: Rasteriser, placed: Placed, pair: RectifiedPair, limits: Limits
+    renderer: Renderer, placed: Placed, pair: RectifiedPair, limits: Limits
 ) -> tuple[Placed, tuple[Array, Array]]:
     """Return both true disparities [H,W] in px, NaN where nothing is seen, and the scene as drawn.
 
@@ -172,11 +197,24 @@ def draw_truth(
         placed = replace(placed, scale=placed.scale * factor, reach=placed.reach * factor)
 
 
-def draw_light(renderer: Rasteriser, view: View, placed: Placed, pair: RectifiedPair, disparity: Array) -> Array:
-    """Return the linear light [H,W,3] that reaches a view, which sees these disparities (of the rectified pair)."""
+def draw_light(
+    renderer: Renderer,
+    view: View,
+    placed: Placed,
+    pair: RectifiedPair,
+    disparity: Array,
+    instants: tuple[Pose, ...],
+) -> Array:
+    """Return the linear light [H,W,3] that reaches a view at these instants, on average.
+
+    ``disparity`` is what the view sees in the middle of them, in terms of the rectified pair.
+    """
     middle = (0.5 * pair.baseline_mm, 0.0, 0.0)
-    light = renderer.colour(view, placed.pose, placed.scale, placed.scene.lamp, middle, placed.reach)
-    return light * near_shadow(disparity)[..., None]
+    light = renderer.colour(view, instants[0], placed.scale, placed.scene.lamp, middle, placed.reach)
+    for pose in instants[1:]:
+        light = light + renderer.colour(view, pose, placed.scale, placed.scene.lamp, middle, placed.reach)
+    light = light / np.float32(len(instants)) if len(instants) > 1 else light
+    return light if renderer.casts_shadows else light * near_shadow(disparity)[..., None]
 
 
 def describe(placed: Placed) -> dict[str, Any]:

@@ -1,0 +1,97 @@
+"""One task of a data set: a pair or a video, rendered by the renderer of its recipe and written at its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from endosdk.dataset import write_picture, write_sample
+from endosdk.simulation.cycles.environment import find_python
+from endosdk.simulation.cycles.renderer import CyclesRenderer
+from endosdk.simulation.rasteriser import Rasteriser
+from endosdk.simulation.raw import draw_rig, render_raw_sample
+from endosdk.simulation.recipe import Recipe
+from endosdk.simulation.renderer import Renderer
+from endosdk.simulation.sample import render_sample
+from endosdk.simulation.video import render_video, write_video
+
+Task = tuple[str, int]  # split, seed
+
+
+@dataclass(frozen=True)
+class Job:
+    """A set that is being rendered."""
+
+    root: Path
+    recipe: Recipe
+    cycles_python: Path | None = None
+
+    def folders(self, task: Task) -> list[Path]:
+        """Return the sample folders that a task makes."""
+        return [self.root / task[0] / name for name in self.recipe.names(task[1])]
+
+    def video(self, task: Task) -> Path:
+        """Return where the film of a task is written."""
+        return self.root / "videos" / f"{task[0]}-{task[1]:09d}.mp4"
+
+    def is_done(self, task: Task) -> bool:
+        """Return whether all that a task makes is there."""
+        return all(folder.is_dir() for folder in self.folders(task)) and (
+            not self.recipe.frames or self.video(task).exists()
+        )
+
+    def check(self) -> None:
+        """Raise RendererUnavailable now, rather than in a worker, where Blender is missing."""
+        if self.recipe.renderer == "cycles":
+            find_python(self.cycles_python)
+
+
+def start_renderer(job: Job) -> Renderer:
+    """Start the renderer that a job asks for. Raises RendererUnavailable or DependencyMissing."""
+    return CyclesRenderer(find_python(job.cycles_python)) if job.recipe.renderer == "cycles" else Rasteriser()
+
+
+def render_task(renderer: Renderer, job: Job, task: Task) -> Iterator[int]:
+    """Render what is missing of a task; yield the number of samples that each step has finished."""
+    if job.recipe.frames:
+        yield from _video(renderer, job, task)
+        return
+    if not job.is_done(task):  # another run on the same folder may have been quicker
+        _pair(renderer, job, task)
+    yield 1
+
+
+def _pair(renderer: Renderer, job: Job, task: Task) -> None:
+    recipe, (split, seed) = job.recipe, task
+    if recipe.rig == "ideal":
+        sample = render_sample(renderer, seed, recipe.organ, recipe.camera, recipe.limits, recipe.effects)
+        write_sample(job.root, split, sample)
+        return
+    # One rig takes the whole set, as in life.
+    rig = draw_rig(recipe.seed, recipe.camera)
+    sample, raw = render_raw_sample(renderer, rig, seed, recipe.organ, recipe.limits, recipe.effects)
+    extras: dict[str, Callable[[Path], None]] = {
+        "raw_left.png": partial(write_picture, image=raw.left),
+        "raw_right.png": partial(write_picture, image=raw.right),
+        "rig.json": raw.calibration.save,
+    }
+    write_sample(job.root, split, sample, extras)
+
+
+def _video(renderer: Renderer, job: Job, task: Task) -> Iterator[int]:
+    recipe, (split, seed) = job.recipe, task
+    folders = job.folders(task)
+    there = sum(folder.is_dir() for folder in folders)
+    yield there
+    if there < len(folders):
+        samples = render_video(
+            renderer, seed, recipe.organ, recipe.camera, recipe.limits, recipe.effects, recipe.frames,
+            wanted=lambda frame: not folders[frame].is_dir(),
+        )  # fmt: skip
+        for sample in samples:
+            write_sample(job.root, split, sample)
+            yield 1
+    if not job.video(task).exists():
+        write_video(job.video(task), folders)
