@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from endosdk import errors
-from endosdk.bench import BenchSettings, run_benchmark
+from endosdk.baseline import SgbmBaseline
+from endosdk.bench import TURNS, BenchSettings, run_benchmark
 from endosdk.cli import main
 from endosdk.samples import sample_pairs
 from tests.conftest import TINY_MODEL
@@ -38,11 +39,23 @@ def test_record_has_every_key(tmp_path):
     assert record["fps"] > 0
     assert set(record["latency_ms"]) == {"p50", "p95", "p99", "max"}
     assert set(record["stages_ms"]) == {"rectify", "session", "postprocess"}
+    assert record["stream_fps"] > 0
+    assert 0 < record["startup_s"] < 60
     assert record["peak_rss_mb"] > 10
     assert 0 < record["epe_px"] < 3
     assert record["against"]["sgbm"]["fps"] > 0
     assert record["against"]["sgbm"]["epe_px"] > 0
     assert {"cpu", "threads", "versions", "commit"} <= set(record["machine"])
+
+
+def test_every_frame_is_timed_whatever_their_number(monkeypatch):
+    timed = []
+    rival = SgbmBaseline.compute
+    monkeypatch.setattr(SgbmBaseline, "compute", lambda *views: timed.append(1) or rival(*views))
+    settings = BenchSettings("wang2020", (480, 360), (320, 240), 1, 7, 1, "cpu", "sgbm")
+    record = run_benchmark(settings)
+    assert record["frames"] == 7
+    assert len(timed) == len(sample_pairs()) + 7 + TURNS  # the check, the frames, one to warm up for each turn
 
 
 def test_a_model_that_gives_nonsense_is_not_timed():

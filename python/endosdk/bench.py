@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import itertools
 import json
-import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,13 +20,19 @@ from endosdk.estimator import DepthEstimator
 from endosdk.machine import machine_record
 from endosdk.metrics import end_point_error
 from endosdk.rectify import RectifyStage
-from endosdk.samples import RawPair, sample_pairs
+from endosdk.samples import RawPair, sample_pairs, sample_rig
 
 Picture = npt.NDArray[np.uint8]
 
 # A model whose error on the shipped pairs is beyond this share of the mean disparity is not working, and its speed
 # would mean nothing.
 BROKEN_SHARE = 0.25
+
+STAGES = ("rectify", "session", "postprocess")
+
+# Rivals take turns, so that other load on the machine hits all of them.
+TURNS = 5
+RIVAL_FRAMES = 100  # at most: their spread is small, and they need not double the waiting time
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,10 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         network_size=settings.network_size,
     )
     epe = _checked_error(estimator, pairs)
-    total, stages = _time_frames(estimator, pairs, settings)
-    streamed = _time_stream(estimator, pairs, settings)
-    rivals = {"sgbm": _time_sgbm(pairs, settings)} if settings.against == "sgbm" else {}
+    sgbm = _Sgbm(pairs, settings) if settings.against == "sgbm" else None
+    frames, streamed = _time_in_turns(estimator, sgbm, pairs, settings)
+    total = [frame[0] for frame in frames]
+    startup, memory = _fresh_process(settings)
     return {
         "command": " ".join(["endosdk-bench", *sys.argv[2:]]),
         "model": {
@@ -77,11 +82,13 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         "epe_px": epe,
         "fps": 1000 / float(np.mean(total)),
         "stream_fps": streamed,
-        "startup_s": _startup_seconds(settings),
+        "startup_s": startup,
         "latency_ms": _spread(total),
-        "stages_ms": {name: float(np.median(values)) for name, values in stages.items()},
-        "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "against": rivals,
+        "stages_ms": {
+            name: float(np.median([frame[stage] for frame in frames])) for stage, name in enumerate(STAGES, start=1)
+        },
+        "peak_rss_mb": memory,
+        "against": {} if sgbm is None else {"sgbm": sgbm.record()},
         "machine": {**machine_record(), "threads": settings.threads, "kernels": estimator.diagnostics()["kernels"]},
     }
 
@@ -107,79 +114,110 @@ def _checked_error(estimator: DepthEstimator, pairs: list[RawPair]) -> float:
     return epe
 
 
+def _time_in_turns(
+    estimator: DepthEstimator, sgbm: _Sgbm | None, pairs: list[RawPair], settings: BenchSettings
+) -> tuple[list[tuple[float, float, float, float]], float]:
+    """Milliseconds of every frame, in all and by stage, and the frames a second of a stream."""
+    frames: list[tuple[float, float, float, float]] = []
+    stream_seconds, streamed = 0.0, 0
+    for turn in range(TURNS):
+        first, end = settings.frames * turn // TURNS, settings.frames * (turn + 1) // TURNS
+        if first == end:
+            continue
+        _progress(f"turn {turn + 1} of {TURNS}")
+        frames += _time_frames(estimator, pairs, settings.warmup, end - first)
+        count = min(end - first, RIVAL_FRAMES // TURNS)
+        stream_seconds += _time_stream(estimator, pairs, settings.warmup, count)
+        streamed += count
+        if sgbm is not None:
+            sgbm.time(settings.warmup, count)
+    _progress("\n")
+    return frames, streamed / stream_seconds
+
+
 def _time_frames(
-    estimator: DepthEstimator, pairs: list[RawPair], settings: BenchSettings
-) -> tuple[list[float], dict[str, list[float]]]:
+    estimator: DepthEstimator, pairs: list[RawPair], warmup: int, count: int
+) -> list[tuple[float, float, float, float]]:
     result = None
-    total: list[float] = []
-    stages: dict[str, list[float]] = {"rectify": [], "session": [], "postprocess": []}
-    for number in range(settings.warmup + settings.frames):
-        _progress(number, settings.warmup + settings.frames)
+    frames = []
+    for number in range(warmup + count):
         pair = pairs[number % len(pairs)]
         started = time.perf_counter()
         result = estimator.predict(pair.left, pair.right, out=result)
         elapsed = 1e3 * (time.perf_counter() - started)
-        if number < settings.warmup:
-            continue
-        total.append(elapsed)
-        stages["rectify"].append(result.timings.rectify_ms)
-        stages["session"].append(result.timings.session_ms)
-        stages["postprocess"].append(result.timings.postprocess_ms)
-    return total, stages
+        spent = result.timings
+        frames.append((elapsed, spent.rectify_ms, spent.session_ms, spent.postprocess_ms))
+    return frames[warmup:]
 
 
-def _time_stream(estimator: DepthEstimator, pairs: list[RawPair], settings: BenchSettings) -> float:
-    """Frames a second of `DepthEstimator.stream`, which rectifies the next frame beside the network."""
-    count = settings.warmup + settings.frames
-    source = ((pair.left, pair.right) for pair in itertools.islice(itertools.cycle(pairs), count))
-    started = time.perf_counter()
+def _time_stream(estimator: DepthEstimator, pairs: list[RawPair], warmup: int, count: int) -> float:
+    """Seconds that `DepthEstimator.stream` takes for so many frames."""
+    source = ((pair.left, pair.right) for pair in itertools.islice(itertools.cycle(pairs), warmup + count))
+    started = 0.0
     for number, _ in enumerate(estimator.stream(source, reuse=True), start=1):
-        _progress(number, count)
-        if number == settings.warmup:
+        if number == warmup:
             started = time.perf_counter()
-    return settings.frames / (time.perf_counter() - started)
+    return time.perf_counter() - started
 
 
-def _startup_seconds(settings: BenchSettings) -> float:
-    """Seconds from the import to the first answer in a fresh process; median of three."""
+def _fresh_process(settings: BenchSettings) -> tuple[float, float]:
+    """Seconds from the import to the first answer in a fresh process (median of three), and its peak memory, MB."""
     width, height = settings.size
     program = (
         "import time; begun = time.perf_counter()\n"
         "import sys, endosdk, numpy\n"
+        "rig = endosdk.StereoCalibration.load(sys.argv[3])\n"
+        f"rig = rig.scaled({width}, {height})\n"
         f"frame = numpy.zeros(({height}, {width}, 3), numpy.uint8)\n"
-        f"estimator = endosdk.DepthEstimator(sys.argv[1], provider=sys.argv[2], threads={settings.threads}, "
-        f"network_size={settings.network_size})\n"
+        "estimator = endosdk.DepthEstimator(sys.argv[1], calibration=rig, provider=sys.argv[2], "
+        f"threads={settings.threads}, network_size={settings.network_size})\n"
         "estimator.predict(frame, frame)\n"
-        "print(time.perf_counter() - begun)"
+        "import resource\n"
+        "print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
     )
-    command = [sys.executable, "-c", program, settings.model, settings.provider]
-    return sorted(float(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3))[1]
+    command = [sys.executable, "-c", program, settings.model, settings.provider, str(sample_rig())]
+    runs = [subprocess.run(command, capture_output=True, check=True, text=True).stdout.split() for _ in range(3)]
+    return sorted(float(seconds) for seconds, _ in runs)[1], max(float(memory) for _, memory in runs)
 
 
-def _time_sgbm(pairs: list[RawPair], settings: BenchSettings) -> dict[str, Any]:
-    """Time StereoSGBM (three paths) on the same rectified pictures; rectification is not counted against it."""
-    import cv2
+class _Sgbm:
+    """StereoSGBM (three paths) on the same rectified pictures; rectification is not counted against it."""
 
-    rectified, errors, answered = [], [], []
-    matcher = SgbmBaseline()
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(settings.threads)
-    try:
-        for pair in pairs:
-            rectified.append(_rectified(pair))
-            disparity = matcher.compute(*rectified[-1])
-            answered.append(float(np.isfinite(disparity).mean()))
-            errors.append(_error(fill_holes(disparity), pair))
-        milliseconds = _time_calls(lambda i: matcher.compute(*rectified[i % len(pairs)]), settings)
-    finally:
-        cv2.setNumThreads(before)
-    return {
-        "fps": 1000 / float(np.mean(milliseconds)),
-        "epe_px": float(np.mean(errors)),
-        "answered_share": float(np.mean(answered)),
-        "latency_ms": _spread(milliseconds),
-        "includes": "matching of rectified pictures only; holes are filled for the error, not for the time",
-    }
+    def __init__(self, pairs: list[RawPair], settings: BenchSettings) -> None:
+        self._threads = settings.threads
+        self._matcher = SgbmBaseline()
+        self._milliseconds: list[float] = []
+        self._rectified = [_rectified(pair) for pair in pairs]
+        found = [self._matcher.compute(*views) for views in self._rectified]
+        self._answered = float(np.mean([np.isfinite(disparity).mean() for disparity in found]))
+        self._epe = float(
+            np.mean([_error(fill_holes(disparity), pair) for disparity, pair in zip(found, pairs, strict=True)])
+        )
+
+    def time(self, warmup: int, count: int) -> None:
+        """Time so many frames more."""
+        import cv2
+
+        before = cv2.getNumThreads()
+        cv2.setNumThreads(self._threads)
+        try:
+            for number in range(warmup + count):
+                started = time.perf_counter()
+                self._matcher.compute(*self._rectified[number % len(self._rectified)])
+                if number >= warmup:
+                    self._milliseconds.append(1e3 * (time.perf_counter() - started))
+        finally:
+            cv2.setNumThreads(before)
+
+    def record(self) -> dict[str, Any]:
+        """Return what was measured, JSON-ready."""
+        return {
+            "fps": 1000 / float(np.mean(self._milliseconds)),
+            "epe_px": self._epe,
+            "answered_share": self._answered,
+            "latency_ms": _spread(self._milliseconds),
+            "includes": "matching of rectified pictures only; holes are filled for the error, not for the time",
+        }
 
 
 def _rectified(pair: RawPair) -> tuple[Picture, Picture]:
@@ -188,18 +226,6 @@ def _rectified(pair: RawPair) -> tuple[Picture, Picture]:
     left, right = (np.empty((3, height, width), np.uint8) for _ in range(2))
     RectifyStage((width, height), pair.calibration, (width, height))(pair.left, pair.right, left, right, "rgb")
     return np.ascontiguousarray(left.transpose(1, 2, 0)), np.ascontiguousarray(right.transpose(1, 2, 0))
-
-
-def _time_calls(call: Callable[[int], object], settings: BenchSettings) -> list[float]:
-    frames = min(settings.frames, 100)  # its spread is small; a rival need not double the waiting time
-    milliseconds = []
-    for number in range(settings.warmup + frames):
-        _progress(number, settings.warmup + frames)
-        started = time.perf_counter()
-        call(number)
-        if number >= settings.warmup:
-            milliseconds.append(1e3 * (time.perf_counter() - started))
-    return milliseconds
 
 
 def _error(disparity: npt.NDArray[np.float32], pair: RawPair) -> float:
@@ -211,6 +237,6 @@ def _spread(milliseconds: list[float]) -> dict[str, float]:
     return {"p50": float(p50), "p95": float(p95), "p99": float(p99), "max": max(milliseconds)}
 
 
-def _progress(number: int, count: int) -> None:
-    if sys.stderr.isatty() and number % max(1, count // 100) == 0:
-        print(f"\rframe {number} of {count}", end="" if number + 1 < count else "\n", file=sys.stderr, flush=True)
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r{text}", end="", file=sys.stderr, flush=True)

@@ -42,11 +42,18 @@ class RawPair:
         )
 
 
+# Copied into a wheel; a link to the repository's examples/data in an editable install.
+FOLDER = Path(__file__).parent / "_samples"
+
+
+def sample_rig() -> Path:
+    """Return the calibration file of the rig that took all pairs."""
+    return FOLDER / "rig.json"
+
+
 def sample_pairs() -> list[RawPair]:
-    """Read every pair that came with the package, in the order of their names; one rig took them all."""
-    # Copied into a wheel; a link to the repository's examples/data in an editable install.
-    folder = Path(__file__).parent / "_samples"
-    rig = StereoCalibration.load(folder / "rig.json")
+    """Read every pair that came with the package, in the order of their names."""
+    rig = StereoCalibration.load(sample_rig())
     return [
         RawPair(
             read_frame(disparity.with_name("left.png")),
@@ -54,5 +61,5 @@ def sample_pairs() -> list[RawPair]:
             rig,
             read_disparity(disparity),
         )
-        for disparity in sorted(folder.glob("*/disparity.png"))
+        for disparity in sorted(FOLDER.glob("*/disparity.png"))
     ]
