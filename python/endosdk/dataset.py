@@ -1,8 +1,8 @@
 """Stereo data sets on disk: one kind of sample, a reader, and a writer that never leaves half a sample behind.
 
-A set is a folder: ``dataset.json`` and ``<train|test>/<id>/`` with ``left.png``, ``right.png``, ``disparity.png``,
-optionally ``disparity_right.png`` and ``occlusion.png``, and ``sample.json``. Disparities are 16-bit pictures of
-round(256 d), 0 where there is no truth, so they are exact to 1/512 px.
+A set is a folder: ``dataset.json`` and ``<train|test>/<id>/`` with ``left.png``, ``right.png`` (or ``.jpg``, in a set
+packed to be kept), ``disparity.png``, optionally ``disparity_right.png`` and ``occlusion.png``, and ``sample.json``.
+Disparities are 16-bit pictures of round(256 d), 0 where there is no truth, so they are exact to 1/512 px.
 """
 
 from __future__ import annotations
@@ -128,11 +128,13 @@ def read_record(root: Path) -> dict[str, Any]:
 def read_sample(folder: Path) -> Sample:
     """Read one sample folder. Raises DatasetInvalid naming the file that is missing or wrong."""
     record = _sample_record(folder)
-    left, right = read_colours(folder / "left.png"), read_colours(folder / "right.png")
+    left, right = read_colours(view_file(folder, "left")), read_colours(view_file(folder, "right"))
     disparity = read_disparity(folder / "disparity.png")
-    for name, array in (("right.png", right), ("disparity.png", disparity)):
+    for name, array in (("right view", right), ("disparity.png", disparity)):
         if array.shape[:2] != left.shape[:2]:
-            raise DatasetInvalid("sample", f"{name} must be as large as left.png {left.shape[:2]}", array.shape[:2])
+            raise DatasetInvalid(
+                "sample", f"{name} must be as large as the left view {left.shape[:2]}", array.shape[:2]
+            )
     other = read_disparity(folder / "disparity_right.png") if (folder / "disparity_right.png").exists() else None
     occlusion = None
     if (folder / "occlusion.png").exists():
@@ -150,6 +152,12 @@ def read_sample(folder: Path) -> Sample:
         doffs=float(camera.get("doffs", 0.0)),
         info=record.get("info", {}),
     )
+
+
+def view_file(folder: Path, view: str) -> Path:
+    """Return the file of a sample's ``left`` or ``right`` view: a PNG, or the JPEG of a packed set."""
+    packed = folder / f"{view}.jpg"
+    return packed if packed.exists() else folder / f"{view}.png"
 
 
 def _sample_record(folder: Path) -> dict[str, Any]:

@@ -78,7 +78,10 @@ def test_views_match_best_at_the_true_disparity(renderer: Rasteriser, organ: str
     load_scene(renderer, scene, camera)
     pair = rectified_pair(camera)
     placed, truth = draw_truth(renderer, place_camera(renderer, scene, camera, Limits(1, 35)), pair, Limits(1, 35))
-    light = [draw_light(renderer, v, placed, pair, d) for v, d in zip((pair.left, pair.right), truth, strict=True)]
+    light = [
+        draw_light(renderer, v, placed, pair, d, (placed.pose,))
+        for v, d in zip((pair.left, pair.right), truth, strict=True)
+    ]
     # Highlights move with the eye, so the darker tones alone are compared.
     left, right = (np.minimum(view[..., 1], np.quantile(view[..., 1], 0.9)) for view in light)
     error = {

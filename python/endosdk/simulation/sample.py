@@ -113,12 +113,18 @@ def draw_pair(
     return placed, sample
 
 
-def load_scene(renderer: Renderer, scene: Scene, camera: StereoCamera) -> None:
-    """Build every surface of the scene, as finely painted as the camera sees, and replace what the renderer held."""
+def load_scene(renderer: Renderer, scene: Scene, camera: StereoCamera, painted: bool = True) -> None:
+    """Build every surface of the scene, as finely painted as the camera sees, and replace what the renderer held.
+
+    Surfaces that are not ``painted`` have depth alone, which takes a fraction of the time.
+    """
     renderer.clear()
     meshes = [build_mesh(part.shape, (part.seed, 0)) for part in scene.parts]
     for part, mesh in zip(scene.parts, join_lumens([part.shape for part in scene.parts], meshes), strict=True):
-        _add(renderer, part, mesh, camera)
+        if painted:
+            _add(renderer, part, mesh, camera)
+        else:
+            renderer.add(mesh)
 
 
 def _add(renderer: Renderer, part: Part, mesh: Mesh, camera: StereoCamera) -> None:

@@ -1,0 +1,61 @@
+"""Effects that are off unless asked for; the settings that determine a set, and what they refuse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from endosdk.errors import InvalidArgument
+from endosdk.simulation.camera import Pose
+from endosdk.simulation.effects import Effects, subsample_chroma, turning
+from endosdk.simulation.recipe import Recipe
+
+HERE = Pose(np.array([1.0, 2.0, 3.0]), np.eye(3))
+
+
+def test_no_motion_is_one_instant() -> None:
+    assert turning(HERE, 0.0, 400.0, 1) == (HERE,)
+
+
+def test_a_turning_hand_leaves_a_streak_no_longer_than_asked_for() -> None:
+    for seed in range(10):
+        poses = turning(HERE, 6.0, 400.0, seed)
+        assert 2 <= len(poses) <= 8
+        turn = poses[0].axes @ poses[-1].axes.T
+        angle = np.arccos((np.trace(turn) - 1) / 2)
+        assert 0.15 * 6.0 < angle * 400.0 <= 6.01
+        np.testing.assert_allclose(np.mean([pose.axes for pose in poses], axis=0), np.eye(3), atol=1e-3)
+
+
+def test_chroma_is_shared_by_four_pixels_and_brightness_is_not() -> None:
+    picture = np.random.default_rng(1).integers(40, 216, (32, 32, 3), np.uint8)
+    coded = subsample_chroma(picture)
+    weights = np.array([0.299, 0.587, 0.114])
+    assert np.abs(coded.astype(float) @ weights - picture.astype(float) @ weights).mean() < 3
+    spread = [np.std(p[..., 0].astype(float) - p[..., 2]) for p in (picture, coded)]
+    assert spread[1] < 0.6 * spread[0]
+
+
+def test_settings_that_came_later_do_not_change_older_sets() -> None:
+    assert not {"effects", "frames"} & set(Recipe().described())
+    assert Recipe(effects=Effects(chroma=True)).described()["effects"]["chroma"] is True
+
+
+@pytest.mark.parametrize("values", [{"motion_px": -1.0}, {"motion_px": 51.0}, {"shutter": 1.1}, {"shutter": -0.1}])
+def test_impossible_effects_are_refused(values: dict[str, float]) -> None:
+    with pytest.raises(InvalidArgument, match=f"^{next(iter(values))}: "):
+        Effects(**values)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("frames", {"frames": -1}),
+        ("rig", {"frames": 3, "rig": "raw"}),
+        ("motion_px", {"frames": 3, "effects": Effects(motion_px=2.0)}),
+        ("shutter", {"effects": Effects(shutter=0.5)}),
+    ],
+)
+def test_settings_that_exclude_each_other_are_named(name: str, settings: dict[str, object]) -> None:
+    with pytest.raises(InvalidArgument, match=f"^{name}: "):
+        Recipe(**settings)  # type: ignore[arg-type]
