@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -78,9 +79,10 @@ class CyclesRenderer:
 
     def close(self) -> None:
         """Stop Blender and free everything; the object cannot be used afterwards."""
-        if self._worker.stdin is not None:
-            self._worker.stdin.close()
         self._worker.terminate()
+        if self._worker.stdin is not None:
+            with suppress(BrokenPipeError):  # it may have stopped by itself
+                self._worker.stdin.close()
         self._worker.wait()
         if self._worker.stdout is not None:
             self._worker.stdout.close()
