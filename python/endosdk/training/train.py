@@ -164,14 +164,18 @@ class Run:
         stride = self.network.output_stride
         maps = [to_input_grid(found.float(), stride) for found in prediction.disparities]
         truths = [truth] if window is None else [truth, window.of(truth)]
-        weights = [self.config.coarse_weight, 1.0] if refined else [1.0]
+        # Networks with stages of their own say how much each counts.
+        stages = getattr(self.network, "stage_weights", (self.config.coarse_weight, 1.0))
+        weights = stages if refined else (1.0,)
         total = torch.zeros((), device=self.device)
         report: dict[str, Tensor] = {}
-        for found, weight, name in zip(maps, weights, ("epe_coarse", "epe_refined"), strict=False):
-            wanted = truths[-1] if name == "epe_refined" else truths[0]
+        for index, (found, weight) in enumerate(zip(maps, weights, strict=True)):
+            wanted = truths[-1] if index else truths[0]
             mask = has_truth(wanted, self.config.max_disparity)
             total = total + weight * self.loss(found, wanted, mask)
-            report[name] = (found.detach() - wanted)[mask].abs().mean()
+            if index in (0, len(weights) - 1):
+                name = "epe_refined" if index else "epe_coarse"
+                report[name] = (found.detach() - wanted)[mask].abs().mean()
         return {"loss": total, **report}
 
     def _window(self) -> Window | None:

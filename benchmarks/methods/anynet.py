@@ -1,0 +1,144 @@
+"""AnyNet: Wang, Lai, Huang, Wang, Yan, Campbell, Weinberger: "Anytime Stereo Image Depth Estimation on Mobile Devices",
+ICRA 2019. All four stages: disparity at 1/16, residuals at 1/8 and 1/4, spatial propagation at 1/4.
+
+Sizes follow the description: features of 8, 4 and 2 channels by a small U-Net, L1 volumes with one channel, six 3-D
+convolutions a stage (16 channels at 1/16, 4 below), residuals of -2..2 px of the stage. Ours: rectified output, as the
+model file wants.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from benchmarks.methods.propagation import Propagation
+from benchmarks.methods.rival import RivalNetwork, Stages, column_index, enlarge, he_normal
+from endosdk.training.networks.base import check_max_disparity
+from endosdk.training.networks.blocks import scaled_colours
+from endosdk.training.networks.cost_volume import SoftArgmin, match_evidence, soft_argmin
+
+CELLS = (16, 8, 4)  # input pixels per cell of each stage
+RESIDUAL = 2  # largest correction of a stage, in its cells
+SPREAD = 8  # channels that the propagation carries
+
+
+def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, dims: int = 2) -> nn.Sequential:
+    """Batch norm and rectifier before the convolution."""
+    norm, conv = (nn.BatchNorm2d, nn.Conv2d) if dims == 2 else (nn.BatchNorm3d, nn.Conv3d)
+    return nn.Sequential(norm(inputs), nn.ReLU(), conv(inputs, outputs, kernel, stride, kernel // 2, bias=False))
+
+
+class _Up(nn.Module):
+    """One step up of the U-Net."""
+
+    def __init__(self, deep: int, skipped: int, outputs: int) -> None:
+        super().__init__()
+        self.up = nn.ConvTranspose2d(deep, deep // 2, 3, stride=2, padding=1, output_padding=1)
+        self.reduce = _conv(deep // 2 + skipped, outputs, kernel=1)
+        self.mix = nn.Sequential(_conv(outputs, outputs), _conv(outputs, outputs))
+
+    def forward(self, deep: Tensor, skipped: Tensor) -> Tensor:
+        out: Tensor = self.mix(self.reduce(torch.cat([skipped, self.up(deep)], dim=1)))
+        return out
+
+
+class _Features(nn.Module):
+    """Features at 1/16, 1/8 and 1/4."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.quarter = nn.Sequential(
+            nn.Conv2d(3, 1, 3, padding=1), _conv(1, 1, stride=2), nn.MaxPool2d(2), _conv(1, 2), _conv(2, 2)
+        )
+        self.eighth = nn.Sequential(nn.MaxPool2d(2), _conv(2, 4), _conv(4, 4))
+        self.sixteenth = nn.Sequential(nn.MaxPool2d(2), _conv(4, 8), _conv(8, 8))
+        self.up_eighth, self.up_quarter = _Up(8, 4, 4), _Up(4, 2, 2)
+
+    def forward(self, colours: Tensor) -> list[Tensor]:
+        quarter = self.quarter(colours)
+        eighth = self.eighth(quarter)
+        sixteenth = self.sixteenth(eighth)
+        eighth = self.up_eighth(sixteenth, eighth)
+        return [sixteenth, eighth, self.up_quarter(eighth, quarter)]
+
+
+class AnyNet(RivalNetwork):
+    """The four-stage network; its last stage is its answer."""
+
+    name = "anynet"
+    input_multiple = 16
+    stage_weights = (0.25, 0.5, 1.0, 1.0)
+
+    def __init__(self, max_disparity: int = 80) -> None:
+        """Build with random weights; ``max_disparity`` in input px, a positive multiple of 16."""
+        super().__init__()
+        self.max_disparity = check_max_disparity(max_disparity, CELLS[0])
+        self.features = _Features()
+        self.costs = nn.ModuleList(
+            nn.Sequential(_conv(1, c, dims=3), *(_conv(c, c, dims=3) for _ in range(4)), _conv(c, 1, dims=3))
+            for c in (16, 4, 4)
+        )
+        wide = 2 * SPREAD
+        self.gates = nn.Sequential(
+            nn.Conv2d(3, wide, 3, padding=1, bias=False),
+            *(layer for _ in range(2) for layer in (nn.ReLU(), nn.Conv2d(wide, wide, 3, padding=1, bias=False))),
+            nn.ReLU(),
+            nn.Conv2d(wide, 3 * SPREAD, 3, padding=1, bias=False),
+        )
+        self.spread = nn.Conv2d(1, SPREAD, 3, padding=1, bias=False)
+        self.propagation = Propagation()
+        self.gather = nn.Conv2d(SPREAD, 1, 3, padding=1, bias=False)
+        he_normal(self)
+
+    def stages(self, left: Tensor, right: Tensor) -> Stages:
+        """Match in three stages, then propagate."""
+        pairs = left.shape[0]
+        colours = scaled_colours(torch.cat([left, right]))
+        levels = [(f[:pairs], f[pairs:]) for f in self.features(colours)]
+        found = soft_argmin(self._cost(0, _absolute_volume(*levels[0], self.max_disparity // CELLS[0])))
+        maps = [enlarge(found.disparity, left) * CELLS[0]]
+        for stage in (1, 2):
+            start = enlarge(maps[-1], levels[stage][0]) / CELLS[stage]
+            found = soft_argmin(self._cost(stage, _residual_volume(*levels[stage], start)))
+            step = found.disparity - RESIDUAL
+            maps.append(maps[-1] + enlarge(step, left) * CELLS[stage])
+            found = SoftArgmin(start + step, found.excess)
+        quarter = enlarge(maps[-1], levels[2][0])
+        flowed = self.propagation(self.spread(quarter), self.gates(enlarge(colours[:pairs], quarter)))
+        maps.append(torch.relu(enlarge(self.gather(flowed), left)))
+        return Stages(maps, enlarge(match_evidence(found, CELLS[2]), left))
+
+    def _cost(self, stage: int, volume: Tensor) -> Tensor:
+        """Filter a volume [N, D, h, w] into cost [N, h, w, D]."""
+        cost: Tensor = self.costs[stage](volume.unsqueeze(1))
+        return cost.squeeze(1).permute(0, 2, 3, 1)
+
+
+def _absolute_volume(left: Tensor, right: Tensor, planes: int) -> Tensor:
+    """L1 distance of features for shifts of 0 to planes - 1 cells, [N, D, h, w]; against zero beyond the picture."""
+    width = right.shape[-1]
+    padded = F.pad(right, (planes - 1, 0))
+    shifted = [padded[..., planes - 1 - plane : planes - 1 - plane + width] for plane in range(planes)]
+    return torch.stack([(left - other).abs().sum(dim=1) for other in shifted], dim=1)
+
+
+def _residual_volume(left: Tensor, right: Tensor, disparity: Tensor) -> Tensor:
+    """L1 distance for shifts around a disparity [N, 1, h, w] in cells: -RESIDUAL..RESIDUAL, [N, D, h, w]."""
+    shifts = range(-RESIDUAL, RESIDUAL + 1)
+    return torch.stack([(left - _shifted(right, disparity + by)).abs().sum(dim=1) for by in shifts], dim=1)
+
+
+def _shifted(features: Tensor, disparity: Tensor) -> Tensor:
+    """Read features [N, C, h, w] at x - disparity, linearly between columns; zero beyond the picture."""
+    width = features.shape[-1]
+    place = column_index(features) - disparity
+    floor = place.detach().floor()
+    share = place - floor
+    first = floor.long()
+    total = torch.zeros_like(features)
+    for index, weight in ((first, 1.0 - share), (first + 1, share)):
+        inside = ((index >= 0) & (index < width)).to(features.dtype)
+        columns = index.clamp(0, width - 1).expand(-1, features.shape[1], -1, -1)
+        total = total + torch.gather(features, 3, columns) * (weight * inside)
+    return total

@@ -1,0 +1,56 @@
+"""What a network costs: parameters, and multiplications with additions (MACs) of a frame or of a training step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+from torch.utils.flop_counter import FlopCounterMode
+
+from endosdk.training.frame_size import reduction
+from endosdk.training.networks import build_network
+
+# Backward takes two products (by the input, by the weight) where forward takes one.
+BACKWARD_FACTOR = 3
+
+
+@dataclass(frozen=True)
+class NetworkCosts:
+    """Costs of one network."""
+
+    params: int
+    gmacs: float  # of one frame, all stages, 1e9 MACs
+
+
+def count_parameters(network: nn.Module) -> int:
+    """Numbers that training adjusts."""
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
+def count_macs(name: str, max_disparity: int, height: int, width: int) -> int:
+    """MACs of convolutions and matrix products for one pair, counted on shapes alone: nothing is computed.
+
+    Height and width are padded to the network's multiple, as they are at run time.
+    """
+    with torch.device("meta"):
+        network = build_network(name, max_disparity).eval()
+        multiple = network.input_multiple
+        size = (1, 3, height + -height % multiple, width + -width % multiple)
+        with FlopCounterMode(display=False) as counter, torch.no_grad():
+            network(torch.zeros(size), torch.zeros(size))
+    return counter.get_total_flops() // 2
+
+
+def network_costs(name: str, max_disparity: int, height: int, width: int) -> NetworkCosts:
+    """Count one network for frames of this size, which a network with a usual width sees reduced."""
+    with torch.device("meta"):
+        network = build_network(name, max_disparity)
+    factor = reduction(width, network.usual_width)
+    seen = height // factor, width // factor
+    return NetworkCosts(count_parameters(network), count_macs(name, max_disparity, *seen) / 1e9)
+
+
+def step_gmacs(name: str, max_disparity: int, crop: tuple[int, int], batch: int) -> float:
+    """1e9 MACs of one training step on ``batch`` crops (height, width)."""
+    return BACKWARD_FACTOR * batch * count_macs(name, max_disparity, *crop) / 1e9
