@@ -1,0 +1,174 @@
+"""Redo the paper's experiments: one resumable command.
+
+    python -m benchmarks.paper plan --data DIR
+    python -m benchmarks.paper search --data DIR --pairs 20
+    python -m benchmarks.paper train --data DIR --minutes 60
+    python -m benchmarks.paper evaluate --data DIR
+    python -m benchmarks.paper time --data DIR
+    python -m benchmarks.paper figures --data DIR
+    python -m benchmarks.paper report
+
+Runs lie under --runs and go on where they stopped. Scores are kept beside them; tables go to --results, the report and
+its figures to --docs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks.paper.experiments import LABELS, Experiment, unique_runs
+
+OVERRIDES = ("steps", "batch", "train_pairs", "device", "workers", "precision")
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run one sub-command."""
+    args = _parser().parse_args(words)
+    try:
+        COMMANDS[args.command](args)
+    except KeyboardInterrupt:
+        print("stopped; the same command goes on from here", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.paper", description=__doc__.splitlines()[0])
+    parser.add_argument("command", choices=sorted(COMMANDS))
+    parser.add_argument("--data", type=Path, help="data set with training pairs and the test split")
+    parser.add_argument("--test-data", type=Path, help="data set whose test split is scored (default: --data)")
+    parser.add_argument("--layout", default="endosdk", help="layout of both (default: %(default)s)")
+    parser.add_argument("--runs", type=Path, default=Path("runs/paper"), help="training runs (default: %(default)s)")
+    parser.add_argument("--results", type=Path, default=Path("benchmarks/results"), help="tables as JSON")
+    parser.add_argument("--docs", type=Path, default=Path("docs/paper"), help="report and figures")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these runs or methods alone")
+    parser.add_argument("--pairs", type=int, help="score or search on the first so many pairs")
+    parser.add_argument("--minutes", type=float, help="stop training after so long, with a checkpoint")
+    parser.add_argument("--crop", type=int, nargs=2, metavar=("H", "W"), help="crops of every run, px")
+    for name in OVERRIDES:
+        kind = str if name in ("device", "precision") else int
+        parser.add_argument("--" + name.replace("_", "-"), type=kind, help="of every run alike, for shorter trials")
+    return parser
+
+
+def _overrides(args: argparse.Namespace) -> dict[str, Any]:
+    given = {name: getattr(args, name) for name in OVERRIDES if getattr(args, name) is not None}
+    return {**given, **({"crop": tuple(args.crop)} if args.crop else {})}
+
+
+def _chosen(args: argparse.Namespace) -> list[Experiment]:
+    return [run for run in unique_runs() if not args.only or run.name in args.only]
+
+
+def _print_plan(args: argparse.Namespace) -> None:
+    from benchmarks.paper.runs import measure_speed, plan
+
+    speed = measure_speed(args.device or "cpu")
+    lines = plan(_chosen(args), args.runs, _overrides(args), speed)
+    print(f"this machine trains at about {speed:.0f} GMAC/s; a training step is three forward passes of a batch")
+    print(f"{'run':18} {'GMAC/step':>10} {'steps left':>10} {'hours':>8}")
+    for line in lines:
+        print(f"{line['run']:18} {line['gmacs_per_step']:10.1f} {line['steps_left']:10} {line['hours']:8.2f}")
+    print(
+        f"{'all':18} {'':10} {sum(line['steps_left'] for line in lines):10} {sum(line['hours'] for line in lines):8.2f}"
+    )
+
+
+def _train(args: argparse.Namespace) -> None:
+    from benchmarks.paper.runs import advance, config_of, stop_after
+    from endosdk.dataset import open_dataset
+
+    _print_plan(args)
+    timer = stop_after(args.minutes) if args.minutes else None
+    available = len(open_dataset(args.data, "train", layout=args.layout))
+    for experiment in _chosen(args):
+        config = config_of(experiment, args.data, args.layout, _overrides(args))
+        if config.train_pairs is not None and config.train_pairs > available:
+            print(f"{experiment.name}: needs {config.train_pairs} pairs, there are {available}", file=sys.stderr)
+            continue
+        advance(experiment, config, args.runs)
+    if timer is not None:
+        timer.cancel()
+
+
+def _search(args: argparse.Namespace) -> None:
+    from benchmarks.methods.classical import search_sgbm
+    from endosdk.bench import write_record
+    from endosdk.dataset import open_dataset
+    from endosdk.machine import machine_record
+
+    reader = open_dataset(args.data, "train", layout=args.layout)
+    count = min(args.pairs or len(reader), len(reader))
+    found = search_sgbm([reader[i * len(reader) // count] for i in range(count)])
+    command = f"python -m benchmarks.paper search --data DIR --pairs {count}"
+    data = {"name": reader.name, "sha256": reader.sha256, "split": "train"}
+    write_record(
+        args.results / "sgbm_search.json", {"command": command, "data": data, **found, "machine": machine_record()}
+    )
+
+
+def _evaluate(args: argparse.Namespace) -> None:
+    from benchmarks.paper import tables
+    from benchmarks.paper.runs import state_of
+    from endosdk.dataset import open_dataset
+
+    reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
+    scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
+    size = reader[0].left.shape[1::-1]
+    states = {run.name: state_of(run, args.runs, _overrides(args)) for run in _chosen(args)}
+    trained = {name: tables.trained_row(scores, state, size) for name, state in states.items() if state is not None}
+    rows = {name: found for name, found in trained.items() if name in LABELS}
+    wanted = set(args.only or LABELS)
+    if wanted & {"sgbm", "sgbm-hh", "bm"}:
+        rows.update(tables.classical_rows(scores, _best_sgbm(args.results)))
+    if wanted & {"shipped-wang2020", "shipped-fast"}:
+        rows.update(tables.shipped_rows(scores, size, wanted))
+    if args.only and "patchmatch" in args.only:  # minutes a pair: only when it is named
+        rows.update(tables.patchmatch_rows(scores))
+    tables.write_table(args.results / "table1.json", reader, rows)
+    tables.write_ablations(args.results / "ablations.json", reader, trained)
+
+
+def _best_sgbm(results: Path) -> dict[str, Any] | None:
+    file = results / "sgbm_search.json"
+    return dict(json.loads(file.read_text())["best"]) if file.exists() else None
+
+
+def _time(args: argparse.Namespace) -> None:
+    from benchmarks.paper import tables
+    from endosdk.dataset import open_dataset
+
+    reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
+    tables.retime_table(args.results / "table1.json", reader, args.runs, args.only)
+
+
+def _figures(args: argparse.Namespace) -> None:
+    from benchmarks.paper.figures import draw_all
+
+    for file in draw_all(args):
+        print(f"written {file}")
+
+
+def _report(args: argparse.Namespace) -> None:
+    from benchmarks.paper.report import write_report
+
+    for file in write_report(args.results, args.docs):
+        print(f"written {file}")
+
+
+COMMANDS = {
+    "plan": _print_plan,
+    "search": _search,
+    "train": _train,
+    "evaluate": _evaluate,
+    "time": _time,
+    "figures": _figures,
+    "report": _report,
+}
+
+if __name__ == "__main__":
+    sys.exit(main())

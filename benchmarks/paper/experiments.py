@@ -1,0 +1,114 @@
+"""What is trained, as data: the protocol that all networks share, the rows of Table 1, and the ablations.
+
+An experiment is the handful of settings in which it differs from the protocol. The numbers behind the names of groups
+are those of the paper's figures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+# Sixteen epochs over 800 pairs in batches of four, as in the paper; crops and augmentation are the same for everybody.
+PROTOCOL: dict[str, Any] = {
+    "network": "wang2020",
+    "max_disparity": 72,
+    "batch": 4,
+    "crop": (256, 512),
+    "steps": 3200,
+    "loss": "scale-invariant",
+    "balance": 0.5,
+    "optimiser": "rmsprop",
+    "rate": 1e-3,
+    "final_rate": 3e-5,
+    "train_pairs": 800,
+    "held_out": 0,
+    "seed": 0,
+}
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One training run: its folder, its group (a key of `GROUPS`), the curve's label, what differs."""
+
+    name: str
+    group: str
+    label: str
+    changes: dict[str, Any] = field(default_factory=dict)
+
+    def settings(self, overrides: dict[str, Any]) -> dict[str, Any]:
+        """Return all settings; overrides shorten every run alike, so that a comparison stays fair."""
+        return {**PROTOCOL, **self.changes, **overrides}
+
+
+# AnyNet and PSMNet divide by 16, so their range is the next one that covers the data's 69.5 px.
+EXPERIMENTS = (
+    Experiment("wang2020", "table1", "wang2020"),
+    Experiment("anynet", "table1", "AnyNet", {"network": "anynet", "max_disparity": 80, "loss": "smooth-l1"}),
+    Experiment("psmnet", "table1", "PSMNet", {"network": "psmnet", "max_disparity": 80, "loss": "smooth-l1"}),
+    Experiment("loss-l2", "loss", "L2", {"loss": "l2"}),
+    Experiment("loss-log", "loss", "lambda 0", {"balance": 0.0}),
+    Experiment("wang2020", "loss", "lambda 0.5"),
+    Experiment("loss-invariant", "loss", "lambda 1", {"balance": 1.0}),
+    Experiment("loss-l2-again", "loss", "L2, second seed", {"loss": "l2", "seed": 1}),
+    Experiment("wang2020-again", "loss", "lambda 0.5, second seed", {"seed": 1}),
+    Experiment("pairs-100", "pairs", "100 pairs", {"train_pairs": 100}),
+    Experiment("pairs-400", "pairs", "400 pairs", {"train_pairs": 400}),
+    Experiment("wang2020", "pairs", "800 pairs"),
+    Experiment("pairs-900", "pairs", "900 pairs", {"train_pairs": 900}),
+    Experiment("range-192", "range", "192 px", {"max_disparity": 192}),
+    Experiment("wang2020", "range", "72 px"),
+    Experiment("range-56", "range", "56 px", {"max_disparity": 56}),
+    Experiment("range-48", "range", "48 px", {"max_disparity": 48}),
+    Experiment("range-40", "range", "40 px", {"max_disparity": 40}),
+    Experiment("wang2020", "refinement", "with refinement"),
+    # The refinement starts as the identity: never trained, it leaves the coarse map as it is.
+    Experiment("no-refinement", "refinement", "without refinement", {"refine_from_step": 10**9}),
+)
+
+
+@dataclass(frozen=True)
+class Group:
+    """One comparison: the figures of the paper that it redoes, and what the paper found."""
+
+    title: str
+    figures: str
+    claim: str
+
+
+GROUPS = {
+    "table1": Group(
+        "Methods side by side",
+        "Table 1, Fig. 6",
+        "wang2020 has the smallest error and is faster than AnyNet and PSMNet",
+    ),
+    "loss": Group("Loss", "Fig. 5", "the scale-invariant loss ends at a smaller error than L2"),
+    "pairs": Group("Number of training pairs", "Fig. 7, 8", "100 pairs are clearly worse, 800 are enough"),
+    "range": Group(
+        "Maximum disparity", "Fig. 9, 10", "192 px is clearly worse than 72 and less, 56 px best by a little"
+    ),
+    "refinement": Group("Edge refinement", "Fig. 11, 12", "the error is almost the same with and without"),
+}
+
+# The methods that need no training, in the order of the table; `None` stands for the settings that the search found.
+CLASSICAL: dict[str, dict[str, Any] | None] = {"sgbm": None, "sgbm-hh": None, "bm": {}}
+LABELS = {
+    "wang2020": "wang2020, the paper's protocol",
+    "shipped-wang2020": "wang2020 as shipped",
+    "shipped-fast": "fast as shipped",
+    "anynet": "AnyNet",
+    "psmnet": "PSMNet",
+    "patchmatch": "PatchMatch stereo",
+    "sgbm": "StereoSGBM",
+    "sgbm-hh": "StereoSGBM, 8 paths",
+    "bm": "StereoBM",
+}
+PAPER_EPE_PX = 0.4145
+
+
+def unique_runs() -> list[Experiment]:
+    """Every run once, in the order in which they are to be trained; groups share runs."""
+    seen: dict[str, Experiment] = {}
+    for experiment in EXPERIMENTS:
+        seen.setdefault(experiment.name, experiment)
+    return list(seen.values())

@@ -1,0 +1,124 @@
+"""The figures of the report: each redoes one of the paper's, from what has been run; what has not is left out."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
+from endosdk.dataset import DatasetReader, Sample, open_dataset
+from endosdk.picture import colour_map, robust_range
+
+CURVES = ("loss", "pairs", "range", "refinement")
+SMOOTHED_STEPS = 40  # of the loss curves: a batch's loss says little
+
+
+def draw_all(args: argparse.Namespace) -> list[Path]:
+    """Draw every figure that there are results for; return the files."""
+    args.docs.mkdir(parents=True, exist_ok=True)
+    reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
+    written = [draw_histogram(reader, args.docs / "histogram.png", args.pairs)]
+    for group in CURVES:
+        curves = {run.label: _log(args.runs / run.name) for run in EXPERIMENTS if run.group == group}
+        curves = {label: rows for label, rows in curves.items() if rows}
+        if curves:
+            written.append(draw_curves(curves, GROUPS[group].title, args.docs / f"{group}_loss.png"))
+    ablations = args.results / "ablations.json"
+    if ablations.exists():
+        for group, rows in json.loads(ablations.read_text())["groups"].items():
+            known = {label: values for label, values in rows.items() if values}
+            if group in CURVES and known:
+                written.append(draw_bars(known, GROUPS[group].title, args.docs / f"{group}_epe.png"))
+    written.append(draw_methods(args, reader, reader[0], args.docs / "methods.png"))
+    return written
+
+
+def draw_histogram(reader: DatasetReader, file: Path, limit: int | None = None) -> Path:
+    """Draw how often each disparity occurs in the truth (Fig. 4)."""
+    edges = np.arange(0, 81, 1.0)
+    counts = np.zeros(edges.size - 1)
+    for index in range(min(limit or len(reader), len(reader))):
+        truth = reader[index].disparity
+        counts += np.histogram(truth[np.isfinite(truth)], edges)[0]
+    figure = Figure(figsize=(6, 3.2))
+    axes = figure.add_subplot()
+    axes.bar(edges[:-1], 100 * counts / max(counts.sum(), 1), width=1.0, align="edge", color="#a0522d")
+    axes.set(xlabel="disparity, px", ylabel="share of pixels, %", title=f"Disparities of {reader.name}, test split")
+    return _save(figure, file)
+
+
+def draw_curves(curves: dict[str, list[dict[str, float]]], title: str, file: Path) -> Path:
+    """Draw the training error of the finest map against steps, one curve a run."""
+    figure = Figure(figsize=(6, 3.6))
+    axes = figure.add_subplot()
+    for label, rows in curves.items():
+        errors = np.array([row.get("epe_refined", row["epe_coarse"]) for row in rows])
+        width = max(1, min(SMOOTHED_STEPS, len(errors) // 4))
+        smooth = np.convolve(errors, np.ones(width) / width, mode="valid")
+        axes.plot([row["step"] for row in rows][width - 1 :], smooth, label=label)
+    axes.set(xlabel="step", ylabel="error on training crops, px", title=title, yscale="log")
+    axes.legend()
+    axes.grid(alpha=0.3)
+    return _save(figure, file)
+
+
+def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
+    """Draw the test error of each run of a group; runs that stopped early are hatched."""
+    figure = Figure(figsize=(6, 3.2))
+    axes = figure.add_subplot()
+    for place, (label, values) in enumerate(rows.items()):
+        bar = axes.bar(place, values["epe"], color="#a0522d", hatch=None if values["complete"] else "//")
+        axes.bar_label(bar, fmt="%.3f")
+        text = (
+            label if values["complete"] else f"{label}\n{values['samples_seen']} of {values['samples_planned']} crops"
+        )
+        axes.text(place, 0, text, ha="center", va="bottom", rotation=90, color="white", fontsize=8)
+    axes.set(ylabel="mean error on the test split, px", title=title, xticks=[])
+    return _save(figure, file)
+
+
+def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample, file: Path) -> Path:
+    """Draw one pair as every method of the table answers it, with its error beside (Fig. 6)."""
+    from benchmarks.paper.tables import method_of
+
+    table = args.results / "table1.json"
+    rows = json.loads(table.read_text())["methods"] if table.exists() else {}
+    methods = {name: method_of(name, rows[name], args.runs) for name in LABELS if name in rows}
+    answers = {name: method(sample).disparity for name, method in methods.items() if method is not None}
+    low, high = robust_range(sample.disparity)
+    figure = Figure(figsize=(7, 2.6 * (len(answers) + 1)))
+    grid = figure.subplots(len(answers) + 1, 2, squeeze=False)
+    _show(grid[0][0], sample.left, "left view")
+    _show(grid[0][1], colour_map(sample.disparity, low, high), f"truth, {low:.0f} to {high:.0f} px")
+    for axes, (name, disparity) in zip(grid[1:], answers.items(), strict=True):
+        error = np.abs(disparity - sample.disparity)
+        _show(axes[0], colour_map(disparity, low, high), LABELS[name])
+        _show(axes[1], colour_map(error, 0.0, 3.0), f"error, 0 to 3 px; mean {np.nanmean(error):.3f} px")
+    return _save(figure, file)
+
+
+def _show(axes: Any, picture: Any, title: str) -> None:
+    axes.imshow(picture)
+    axes.set_title(title, fontsize=9)
+    axes.axis("off")
+
+
+def _save(figure: Figure, file: Path) -> Path:
+    figure.tight_layout()
+    FigureCanvasAgg(figure).print_figure(file, dpi=110, metadata={"Software": None})
+    return file
+
+
+def _log(folder: Path) -> list[dict[str, float]]:
+    file = folder / "log.csv"
+    if not file.exists():
+        return []
+    with file.open(newline="") as lines:
+        return [{key: float(value) for key, value in row.items() if value} for row in csv.DictReader(lines)]

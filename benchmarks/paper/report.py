@@ -1,0 +1,145 @@
+"""The report: Table 1, and each comparison of the paper with ours and a sentence on whether its claim held."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PAPER_EPE_PX, PROTOCOL
+from benchmarks.paper.verdicts import verdict
+
+MISSING = "not yet run"
+
+
+def write_report(results: Path, docs: Path) -> list[Path]:
+    """Write ``report.md`` and ``report.html`` (with its pictures inside) from the tables and figures there are."""
+    table, ablations = _read(results / "table1.json"), _read(results / "ablations.json")
+    text = "\n".join([*_head(table), *_table(table), *_groups(table, ablations, docs)]) + "\n"
+    docs.mkdir(parents=True, exist_ok=True)
+    files = [docs / "report.md", docs / "report.html"]
+    files[0].write_text(text)
+    files[1].write_text(as_html(text, docs))
+    return files
+
+
+def _read(file: Path) -> dict[str, Any]:
+    return dict(json.loads(file.read_text())) if file.exists() else {}
+
+
+def _head(table: dict[str, Any]) -> list[str]:
+    crops = PROTOCOL["steps"] * PROTOCOL["batch"]
+    data = f"{table['dataset']}, {table['pairs']} test pairs" if table else MISSING
+    return [
+        "# The paper's experiments, redone",
+        "",
+        "X.-Z. Wang, Y. Nie, S.-P. Lu, J. Zhang: Deep Convolutional Network for Stereo Depth Mapping in Binocular "
+        "Endoscopy, IEEE Access 8, 2020, doi 10.1109/ACCESS.2020.2987767.",
+        "",
+        f"Data: {data}. The protocol for every network: {PROTOCOL['train_pairs']} training pairs, {crops} crops of "
+        f"{PROTOCOL['crop'][1]} x {PROTOCOL['crop'][0]}, {PROTOCOL['optimiser']}, the same augmentation. A run that "
+        "saw fewer crops says so; what has not been run is named and has no number.",
+        "",
+    ]
+
+
+def _table(table: dict[str, Any]) -> list[str]:
+    lines = [
+        "## Table 1",
+        "",
+        "| method | EPE, px | over 1 / 2 / 3 / 5 px | EPE, non-occluded | answered | ms | parameters | GMAC | pairs | "
+        "note |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+        f"| the paper's wang2020, on its own data | {PAPER_EPE_PX} | | | | 21.8 (GTX 1080) | | | 100 | |",
+    ]
+    methods = table.get("methods", {})
+    for name, label in LABELS.items():
+        if name not in methods:
+            lines.append(f"| {label} | {MISSING} | | | | | | | | |")
+            continue
+        lines.append(_line(label, methods[name], _note(methods[name])))
+        if "unfilled" in methods[name]:
+            lines.append(_line(f"{label}, holes left open", methods[name]["unfilled"], ""))
+    machine = table.get("machine", {})
+    lines += ["", f"Times on {machine.get('cpu', 'no machine')}, {table.get('threads', 0)} threads, 960 x 720.", ""]
+    return lines
+
+
+def _line(label: str, row: dict[str, Any], note: str) -> str:
+    shares = " / ".join(f"{100 * row['kpe'][k]:.1f}" for k in ("1", "2", "3", "5"))
+    visible = "" if row["epe_noc"] is None else f"{row['epe_noc']:.3f}"
+    params = f"{row['params']:,}" if row.get("params") else ""
+    gmacs = f"{row['gmacs']:.1f}" if row.get("gmacs") else ""
+    cells = (label, f"{row['epe']:.4f}", f"{shares} %", visible, f"{100 * row['coverage']:.1f} %", f"{row['ms']:.1f}")
+    return "| " + " | ".join((*cells, params, gmacs, str(row["pairs"]), note)) + " |"
+
+
+def _note(row: dict[str, Any]) -> str:
+    if row.get("complete") is False:
+        return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**"
+    return "trained on other and more data than the protocol's" if "trained_on" in row else ""
+
+
+def _groups(table: dict[str, Any], ablations: dict[str, Any], docs: Path) -> list[str]:
+    lines = []
+    groups = ablations.get("groups", {})
+    for key, group in GROUPS.items():
+        rows = table.get("methods", {}) if key == "table1" else groups.get(key, {})
+        lines += [f"## {group.title} ({group.figures})", "", f"The paper: {group.claim}.", ""]
+        lines += [f"Ours: {verdict(key, rows)}", ""]
+        if key != "table1":
+            lines += ["| run | EPE, px | over 1 px | crops seen |", "|---|---|---|---|"]
+            lines += [_ablation_line(run.label, rows.get(run.label)) for run in EXPERIMENTS if run.group == key]
+            lines.append("")
+        names = ["methods"] if key == "table1" else [f"{key}_loss", f"{key}_epe"]
+        lines += [f"![{group.title}]({name}.png)\n" for name in names if (docs / f"{name}.png").exists()]
+    lines += ["## Disparities of the data (Fig. 4)", "", "The paper: largest 69.5 px.", ""]
+    if (docs / "histogram.png").exists():
+        lines.append("![Histogram](histogram.png)")
+    return lines
+
+
+def _ablation_line(label: str, row: dict[str, Any] | None) -> str:
+    if row is None:
+        return f"| {label} | {MISSING} | | |"
+    seen = f"{row['samples_seen']} of {row['samples_planned']}"
+    return f"| {label} | {row['epe']:.4f} | {100 * row['kpe']['1']:.1f} % | {seen} |"
+
+
+def as_html(markdown: str, folder: Path) -> str:
+    """Turn the report's Markdown (headings, tables, pictures, bold, paragraphs) into one page with nothing outside."""
+    parts: list[str] = []
+    for block in re.split(r"\n\n+", markdown.strip()):
+        rows = block.split("\n")
+        heading = re.match(r"(#+) (.*)", block)
+        picture = re.match(r"!\[(.*)\]\((.*)\)", block)
+        if heading:
+            parts.append(f"<h{len(heading[1])}>{_inline(heading[2])}</h{len(heading[1])}>")
+        elif picture:
+            data = base64.b64encode((folder / picture[2]).read_bytes()).decode()
+            parts.append(f'<img alt="{html.escape(picture[1])}" src="data:image/png;base64,{data}">')
+        elif rows[0].startswith("|"):
+            parts.append(_html_table(rows))
+        else:
+            parts.append(f"<p>{_inline(block)}</p>")
+    style = (
+        "body{font:15px sans-serif;max-width:70em;margin:2em auto}td,th{padding:.2em .7em;border-bottom:1px solid #ccc}"
+    )
+    head = f'<meta charset="utf-8"><title>The paper redone</title><style>{style} img{{max-width:100%}}</style>'
+    return f"<!doctype html><html lang=en><head>{head}</head><body>\n" + "\n".join(parts) + "\n</body></html>\n"
+
+
+def _html_table(rows: list[str]) -> str:
+    cells = [
+        [_inline(cell.strip()) for cell in row.strip("|").split("|")] for row in rows if not row.startswith("|---")
+    ]
+    lines = ["".join(f"<{'td' if place else 'th'}>{cell}</{'td' if place else 'th'}>" for cell in row) for place, row in
+             enumerate(cells)]  # fmt: skip
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+
+
+def _inline(text: str) -> str:
+    return re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(text))

@@ -1,0 +1,156 @@
+"""The paper's experiments end to end at toy scale, and the rules by which claims are judged."""
+
+import json
+import re
+
+import pytest
+import torch
+
+from benchmarks.methods.classical import classical_method, search_sgbm
+from benchmarks.paper.__main__ import main
+from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
+from benchmarks.paper.verdicts import verdict
+from endosdk.dataset import SPLITS, Sample, open_dataset, write_record, write_sample
+from endosdk.errors import InvalidArgument
+from endosdk.training.config import TrainConfig
+from tests.training.warped_scenes import warped_pair
+
+
+@pytest.fixture(scope="module")
+def tiny_set(tmp_path_factory):
+    """Four training and two test pairs, wide enough for StereoSGBM."""
+    torch.set_num_threads(2)
+    root = tmp_path_factory.mktemp("tiny")
+    hashes = {split: {} for split in SPLITS}
+    for split, seeds in (("train", range(4)), ("test", range(90, 92))):
+        for seed in seeds:
+            left, right, truth = warped_pair(seed, (64, 128), (3.0, 20.0))
+            sample = Sample(f"{seed:03d}", left, right, truth, None, None, focal_px=100.0, baseline_mm=5.0)
+            hashes[split][sample.id] = write_sample(root, split, sample)
+    write_record(root, {"format_version": 1, "name": "tiny", "samples": hashes})
+    return root
+
+
+@pytest.fixture(scope="module")
+def done(tiny_set, tmp_path_factory):
+    """The folder after every sub-command; two of the runs of the paper are trained for two steps."""
+    base = tmp_path_factory.mktemp("paper")
+    places = [f"--{name}={base / name}" for name in ("runs", "results", "docs")]
+    given = [f"--data={tiny_set}", *places]
+    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32"]
+    chosen = ["--only", "wang2020", "loss-l2"]
+    assert main(["plan", *given, *short, *chosen]) == 0
+    assert main(["search", *given, "--pairs=1"]) == 0
+    assert main(["train", *given, *short, *chosen, "--steps=2"]) == 0
+    methods = ["--only", "wang2020", "loss-l2", "sgbm", "sgbm-hh", "bm"]
+    # Half of a budget of four steps was used.
+    assert main(["evaluate", *given, *short, *methods, "--steps=4"]) == 0
+    assert main(["time", *given, "--only", "bm"]) == 0
+    assert main(["figures", *given]) == 0
+    assert main(["report", *places]) == 0
+    return base
+
+
+def test_table_has_the_promised_form_and_names_what_is_missing(done):
+    table = json.loads((done / "results/table1.json").read_text())
+    assert table["dataset"] == "tiny" and table["pairs"] == 2
+    assert set(table["methods"]) == {"wang2020", "sgbm", "sgbm-hh", "bm"}
+    assert set(table["not_yet_run"]) == set(LABELS) - set(table["methods"])
+    for row in table["methods"].values():
+        assert {"epe", "kpe", "epe_noc", "ms", "params", "gmacs", "coverage"} <= set(row)
+        assert set(row["kpe"]) == {"1", "2", "3", "5"}
+        assert row["epe"] > 0 and row["ms"] > 0 and row["coverage"] == 1
+    assert table["methods"]["sgbm"]["unfilled"]["coverage"] < 1
+    assert 250_000 < table["methods"]["wang2020"]["params"] < 320_000
+    early = table["methods"]["wang2020"]
+    assert (early["samples_seen"], early["samples_planned"], early["complete"]) == (2, 4, False)
+
+
+def test_search_keeps_what_it_tried_best_first(done):
+    record = json.loads((done / "results/sgbm_search.json").read_text())
+    errors = [entry["epe"] for entry in record["tried"]]
+    assert len(errors) > 20 and errors == sorted(errors)
+    assert record["best"] == record["tried"][0]["settings"]
+    assert json.loads((done / "results/table1.json").read_text())["methods"]["sgbm"]["settings"] == record["best"]
+
+
+def test_report_marks_short_runs_and_says_what_is_missing(done):
+    text = (done / "docs/report.md").read_text()
+    assert re.search(r"\| wang2020, the paper's protocol \| \d.*\*\*stopped early: 2 of 4 crops\*\* \|", text)
+    assert "| PSMNet | not yet run |" in text
+    assert "anynet, psmnet: not yet run" in text  # no verdict on a table with a hole
+    assert "| 900 pairs | not yet run |" in text
+    assert re.search(r"Ours: the claim (held|did not hold): .* Not final: L2, lambda 0.5 stopped early\.", text)
+    for group in GROUPS.values():
+        assert f"## {group.title} ({group.figures})" in text
+
+
+def test_page_is_self_contained(done):
+    page = (done / "docs/report.html").read_text()
+    assert page.count('src="data:image/png;base64,') == len(list((done / "docs").glob("*.png"))) >= 5
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert page.count("<table>") == page.count("</table>") == 5
+    assert "<b>stopped early: 2 of 4 crops</b>" in page
+
+
+def test_finished_runs_and_scores_are_not_done_again(done, tiny_set, capsys):
+    given = [f"--data={tiny_set}", f"--runs={done / 'runs'}", f"--results={done / 'results'}"]
+    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--steps=2"]
+    before = (done / "runs/wang2020/last.safetensors").stat().st_mtime_ns
+    assert main(["train", *given, *short, "--only", "wang2020"]) == 0
+    assert "wang2020: done" in capsys.readouterr().err
+    assert (done / "runs/wang2020/last.safetensors").stat().st_mtime_ns == before
+    assert main(["evaluate", *given, *short, "--only", "wang2020"]) == 0
+    assert "scoring" not in capsys.readouterr().err
+    table = json.loads((done / "results/table1.json").read_text())
+    assert "sgbm" in table["methods"]  # rows that were not asked for stay
+
+
+def test_run_that_needs_more_pairs_than_there_are_is_left_out(tiny_set, tmp_path, capsys):
+    given = [f"--data={tiny_set}", f"--runs={tmp_path}", "--steps=1", "--crop", "48", "96", "--only", "pairs-900"]
+    assert main(["train", *given]) == 0
+    assert "needs 900 pairs, there are 4" in capsys.readouterr().err
+    assert not (tmp_path / "pairs-900").exists()
+
+
+def test_every_experiment_is_a_valid_configuration():
+    for run in EXPERIMENTS:
+        assert TrainConfig.from_dict(run.settings({})).steps == PROTOCOL["steps"]
+        assert run.group in GROUPS
+    assert len(unique_runs()) < len(EXPERIMENTS)
+    assert {run.name: run.settings({}) for run in unique_runs()} == {run.name: run.settings({}) for run in EXPERIMENTS}
+
+
+def rows(**errors):
+    return {name.replace("_", " "): {"epe": value, "complete": True} for name, value in errors.items()}
+
+
+def test_verdicts_follow_the_numbers():
+    assert "claim held" in verdict("loss", {"L2": {"epe": 0.5}, "lambda 0.5": {"epe": 0.4}})
+    assert "did not hold" in verdict("loss", {"L2": {"epe": 0.3}, "lambda 0.5": {"epe": 0.4}})
+    pairs = {"100 pairs": 0.9, "400 pairs": 0.6, "800 pairs": 0.5, "900 pairs": 0.49}
+    assert "claim held" in verdict("pairs", {name: {"epe": value} for name, value in pairs.items()})
+    pairs["900 pairs"] = 0.3
+    assert "did not hold" in verdict("pairs", {name: {"epe": value} for name, value in pairs.items()})
+    limits = {"192 px": 0.9, "72 px": 0.5, "56 px": 0.4, "48 px": 0.45, "40 px": 0.6}
+    assert "claim held" in verdict("range", {name: {"epe": value} for name, value in limits.items()})
+    limits["40 px"] = 2.0
+    assert "did not hold" in verdict("range", {name: {"epe": value} for name, value in limits.items()})
+    assert "claim held" in verdict("refinement", rows(with_refinement=0.40, without_refinement=0.41))
+    assert "did not hold" in verdict("refinement", rows(with_refinement=0.40, without_refinement=0.60))
+    table = {name: {"epe": 0.5, "ms": 9.0} for name in ("anynet", "psmnet")} | {"wang2020": {"epe": 0.4, "ms": 5.0}}
+    assert verdict("table1", table).count("held") == 2
+    table["anynet"] = {"epe": 0.3, "ms": 2.0}
+    assert verdict("table1", table).count("did not hold") == 2
+    assert verdict("table1", {"sgbm": {"epe": 0.5, "ms": 1.0}}) == "not yet run."
+    assert verdict("loss", {"L2": {"epe": 0.5}}) == "so far L2 0.500 px; lambda 0.5: not yet run."
+
+
+def test_search_and_classical_methods_refuse_what_they_cannot_use(tiny_set):
+    with pytest.raises(InvalidArgument, match="samples"):
+        search_sgbm([])
+    with pytest.raises(InvalidArgument, match="method"):
+        classical_method("census", {}, filled=True)
+    sample = open_dataset(tiny_set, "test")[0]
+    best = search_sgbm([sample], {"block_size": (3, 5), "uniqueness_ratio": (0,)})
+    assert len(best["tried"]) == 2 and best["best"]["block_size"] in (3, 5)
