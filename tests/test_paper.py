@@ -106,6 +106,16 @@ def test_finished_runs_and_scores_are_not_done_again(done, tiny_set, capsys):
     assert "sgbm" in table["methods"]  # rows that were not asked for stay
 
 
+def test_rival_is_scored_by_torch_and_says_so(tiny_set, tmp_path):
+    given = [f"--data={tiny_set}", f"--runs={tmp_path}", f"--results={tmp_path}", "--only", "anynet"]
+    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32", "--steps=1"]
+    assert main(["train", *given, *short]) == 0
+    assert main(["evaluate", *given, *short]) == 0
+    row = json.loads((tmp_path / "table1.json").read_text())["methods"]["anynet"]
+    assert row["runtime"] == "torch" and row["complete"] and row["params"] == 43_315
+    assert row["epe"] > 0 and row["coverage"] == 1
+
+
 def test_run_that_needs_more_pairs_than_there_are_is_left_out(tiny_set, tmp_path, capsys):
     given = [f"--data={tiny_set}", f"--runs={tmp_path}", "--steps=1", "--crop", "48", "96", "--only", "pairs-900"]
     assert main(["train", *given]) == 0

@@ -80,6 +80,8 @@ def _line(label: str, row: dict[str, Any], note: str) -> str:
 def _note(row: dict[str, Any]) -> str:
     if row.get("complete") is False:
         return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**"
+    if row.get("runtime") == "torch":
+        return "timed in torch"
     return "trained on other and more data than the protocol's" if "trained_on" in row else ""
 
 

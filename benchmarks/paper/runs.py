@@ -16,8 +16,12 @@ import torch
 import benchmarks.methods.networks  # noqa: F401  makes the rivals known
 from benchmarks.methods.costs import BACKWARD_FACTOR, count_macs, step_gmacs
 from benchmarks.paper.experiments import Experiment
+from endosdk.dataset import Sample
+from endosdk.evaluation import Answer, Method
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
+from endosdk.training.data import planar
+from endosdk.training.evaluate import pad_to_multiple
 from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.networks import build_network
 from endosdk.training.train import train
@@ -96,6 +100,23 @@ def exported(state: RunState) -> Path:
         note = {"samples_seen": state.samples_seen, "samples_planned": state.samples_planned}
         export_model(network, file, ModelInfo(name=state.name, version="1", training=note))
     return file
+
+
+def torch_method(state: RunState) -> Method:
+    """Answer by torch on the processor: for networks whose export is not proven yet; their time is torch's."""
+    network = checkpoint.load(state.folder).build()
+
+    def answer(sample: Sample) -> Answer:
+        height, width = sample.left.shape[:2]
+        views = (planar(view)[None].float() for view in (sample.left, sample.right))
+        left, right = (pad_to_multiple(view, network.input_multiple) for view in views)
+        started = time.perf_counter()
+        with torch.inference_mode():
+            found = network(left, right).disparities[-1]
+        elapsed = 1e3 * (time.perf_counter() - started)
+        return Answer(found[0, 0, :height, :width].numpy(), milliseconds=elapsed)
+
+    return answer
 
 
 def plan(experiments: list[Experiment], runs: Path, overrides: dict[str, Any], speed: float) -> list[dict[str, Any]]:

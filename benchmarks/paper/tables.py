@@ -17,7 +17,7 @@ from benchmarks.methods.classical import classical_method
 from benchmarks.methods.costs import network_costs
 from benchmarks.methods.patchmatch import PatchMatchSettings, match
 from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
-from benchmarks.paper.runs import RunState, exported
+from benchmarks.paper.runs import RunState, exported, torch_method
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
 from endosdk.dataset import DatasetReader, Sample
@@ -28,6 +28,7 @@ from endosdk.models import shipped_models
 from endosdk.scores import ScoreBoard
 
 KPE = (1, 2, 3, 5)
+RIVALS = ("anynet", "psmnet")
 
 
 def patchmatch_method(*, filled: bool) -> Method:
@@ -132,8 +133,14 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
 
 
 def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[str, Any]:
-    """Score one run through its exported file, which is what is deployed and timed."""
-    found = scores.get(state.name, f"step {state.step}", lambda: scores.score(estimator_method(str(exported(state)))))
+    """Score one run: ours through the exported file, which is what is deployed and timed; rivals by torch."""
+
+    def make() -> dict[str, Any]:
+        if state.network in RIVALS:
+            return {**scores.score(torch_method(state)), "runtime": "torch"}
+        return {**scores.score(estimator_method(str(exported(state)))), "runtime": "onnxruntime"}
+
+    found = scores.get(state.name, f"step {state.step}", make)
     costs = network_costs(state.network, state.max_disparity, size[1], size[0])
     return {
         **found,
