@@ -64,7 +64,9 @@ def _table(table: dict[str, Any]) -> list[str]:
         if "unfilled" in methods[name]:
             lines.append(_line(f"{label}, holes left open", methods[name]["unfilled"], ""))
     machine = table.get("machine", {})
-    lines += ["", f"Times on {machine.get('cpu', 'no machine')}, {table.get('threads', 0)} threads, 960 x 720.", ""]
+    load = table.get("load_while_timed")
+    busy = "; taken with other work on the machine" if load is None or load > table["threads"] else ""
+    lines += ["", f"Times on {machine.get('cpu', 'no machine')}, {table.get('threads', 0)} threads{busy}.", ""]
     return lines
 
 
