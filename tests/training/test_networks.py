@@ -5,11 +5,15 @@ import torch
 from torch import nn
 
 from endosdk.errors import InvalidArgument
-from endosdk.training.networks import NETWORKS, build_network
+from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
 from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
 from endosdk.training.networks.cost_volume import Aggregation, PlaneAggregation, difference_volume, soft_argmin
 from endosdk.training.networks.fast import DifferenceVolume
+
+
+# By name, not all that is known: benchmarks add rivals to the list, which promise less.
+OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020")
 
 
 def views(height=64, width=128, pairs=2, seed=0):
@@ -54,7 +58,7 @@ def test_fast_is_small():
     assert 0.05e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.1e6
 
 
-@pytest.mark.parametrize("name", sorted(NETWORKS))
+@pytest.mark.parametrize("name", OURS)
 def test_maps_have_the_promised_sizes(name):
     network = shaken(build_network(name))
     left, right = views()
@@ -73,14 +77,14 @@ def test_maps_have_the_promised_sizes(name):
     assert 0 <= confidence.min() <= confidence.max() <= 1
 
 
-@pytest.mark.parametrize("name", sorted(NETWORKS))
+@pytest.mark.parametrize("name", OURS)
 def test_an_untrained_refinement_changes_nothing(name):
     torch.manual_seed(0)
     found = build_network(name)(*views()).disparities
     torch.testing.assert_close(found[0], found[1])
 
 
-@pytest.mark.parametrize("name", sorted(NETWORKS))
+@pytest.mark.parametrize("name", OURS)
 def test_a_window_gives_the_same_refinement_away_from_its_border(name):
     network = shaken(build_network(name))
     left, right = views(96, 192)
@@ -94,7 +98,7 @@ def test_a_window_gives_the_same_refinement_away_from_its_border(name):
     torch.testing.assert_close(part.disparities[1][..., inner, inner], expected, atol=1e-4, rtol=0)
 
 
-@pytest.mark.parametrize("name", sorted(NETWORKS))
+@pytest.mark.parametrize("name", OURS)
 def test_the_export_form_computes_the_same(name):
     network = shaken(build_network(name, max_disparity=32))
     form = network.export_form()
@@ -148,7 +152,7 @@ def test_soft_argmin_of_a_doubtful_answer_has_excess():
 
 
 @pytest.mark.parametrize("value", [0, -8, 70])
-@pytest.mark.parametrize("name", sorted(NETWORKS))
+@pytest.mark.parametrize("name", OURS)
 def test_the_range_is_a_multiple_of_eight(name, value):
     with pytest.raises(InvalidArgument, match="multiple of 8"):
         build_network(name, max_disparity=value)
