@@ -11,7 +11,6 @@ from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
 from endosdk.training.networks.cost_volume import Aggregation, PlaneAggregation, difference_volume, soft_argmin
 from endosdk.training.networks.fast import DifferenceVolume
 
-
 # By name, not all that is known: benchmarks add rivals to the list, which promise less.
 OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020")
 
