@@ -33,7 +33,7 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     ("words", "part"),
     [
         (["train", "--data", "nowhere", "--out", "run"], "dataset.json"),
-        (["train", "--data", "x", "--out", "run", "--network", "psmnet"], "wang2020"),
+        (["train", "--data", "x", "--out", "run", "--network", "no-such"], "wang2020"),
         (["train", "--out", "nowhere", "--resume"], "checkpoint"),
         (["export", "nowhere", "--out", "model.onnx"], "checkpoint"),
     ],
