@@ -19,7 +19,7 @@ from endosdk.simulation.generate import generate
 from endosdk.simulation.recipe import SEED_BLOCK, TEST_OFFSET, Recipe
 
 SIZE = ("--width", "64", "--height", "48", "--focal", "27")
-SMALL = ("--organ", "ducts", "--seed", "3", "--max-disparity", "6", "--min-disparity", "0.2", *SIZE)
+SMALL = ("--organ", "stomach", "--seed", "3", "--max-disparity", "6", "--min-disparity", "0.2", *SIZE)
 
 
 def simulate(out: Path, *more: str) -> int:
@@ -47,7 +47,7 @@ def test_a_set_says_what_it_is(whole: Path) -> None:
     assert train.sha256 == test.sha256
     sample = train[1]
     assert sample.left.shape == (48, 64, 3)
-    assert sample.info["organ"] == "ducts"
+    assert sample.info["organ"] == "stomach"
     assert sample.info["scene"]["seed"] == 3 * SEED_BLOCK + 1
 
 
