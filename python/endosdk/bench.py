@@ -69,7 +69,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
     total = [frame[0] for frame in frames]
     startup, memory = _fresh_process(settings)
     return {
-        "command": " ".join(["endosdk-bench", *sys.argv[2:]]),
+        "command": _command(settings),
         "model": {
             "name": estimator.model.name,
             "version": estimator.model.version,
@@ -91,6 +91,16 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         "against": {} if sgbm is None else {"sgbm": sgbm.record()},
         "machine": {**machine_record(), "threads": settings.threads, "kernels": estimator.diagnostics()["kernels"]},
     }
+
+
+def _command(settings: BenchSettings) -> str:
+    """Return the command that measures the same again; of a file only its name: no private paths."""
+    size, network = ("x".join(map(str, pair)) if pair else None for pair in (settings.size, settings.network_size))
+    words = ["endosdk-bench", "--model", Path(settings.model).name, "--size", str(size)]
+    words += ["--network-size", network] if network else []
+    for name in ("threads", "frames", "warmup", "provider"):
+        words += [f"--{name}", str(getattr(settings, name))]
+    return " ".join([*words, "--against", settings.against or "none"])
 
 
 def write_record(path: Path, record: dict[str, Any]) -> None:
