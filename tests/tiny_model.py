@@ -34,6 +34,7 @@ class BlockMatching(StereoNetwork):
     max_disparity = 32
     input_multiple = 8
     output_stride = 4
+    plane_step = 1
 
     def __init__(self) -> None:
         super().__init__()

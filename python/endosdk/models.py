@@ -35,6 +35,7 @@ class ModelInfo:
     input_multiple: int  # both sides of the input are padded to a multiple of this, px
     output_stride: int  # the output grid is the input grid divided by this
     max_disparity: int  # px at the input width; larger disparities cannot be found
+    last_plane: int | None  # the largest disparity the network has a plane for, px; None: not stated
     usual_width: int | None  # wider frames are seen at this width unless the caller sets a size, px; None: none named
     channel_order: str
     license: str
@@ -92,13 +93,18 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
         training = json.loads(_required(metadata, "training"))
     except json.JSONDecodeError as error:
         raise ModelMetadata("training", "must be JSON", str(error)) from error
+    max_disparity = _positive(metadata, "max_disparity")
+    last_plane = _optional(metadata, "last_plane")
+    if last_plane is not None and last_plane > max_disparity:
+        raise ModelMetadata(PREFIX + "last_plane", f"must be at most max_disparity, {max_disparity}", last_plane)
     return ModelInfo(
         name=_required(metadata, "name"),
         version=_required(metadata, "version"),
         input_multiple=_positive(metadata, "input_multiple"),
         output_stride=_positive(metadata, "output_stride"),
-        max_disparity=_positive(metadata, "max_disparity"),
-        usual_width=_positive(metadata, "usual_width") if PREFIX + "usual_width" in metadata else None,
+        max_disparity=max_disparity,
+        last_plane=last_plane,
+        usual_width=_optional(metadata, "usual_width"),
         channel_order=order,
         license=_required(metadata, "license"),
         training=training,
@@ -131,3 +137,7 @@ def _positive(metadata: Mapping[str, str], key: str) -> int:
     if not text.isdecimal() or int(text) == 0:
         raise ModelMetadata(PREFIX + key, "must be a positive whole number", repr(text))
     return int(text)
+
+
+def _optional(metadata: Mapping[str, str], key: str) -> int | None:
+    return _positive(metadata, key) if PREFIX + key in metadata else None

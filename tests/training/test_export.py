@@ -63,6 +63,7 @@ def test_the_file_describes_itself(model):
         "channel_order": "rgb",
         "license": "Apache-2.0",
         "training": '{"recipe":"none"}',
+        "last_plane": {"wang2020": "32", "fast": "36"}[name],
         **({} if network.usual_width is None else {"usual_width": str(network.usual_width)}),
     }
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected

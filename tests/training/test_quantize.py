@@ -89,6 +89,7 @@ def test_the_file_still_describes_itself(files, tmp_path):
     properties = {entry.key: entry.value for entry in onnx.load(copy).metadata_props}
     info = parse_metadata(properties, hashlib.sha256(copy.read_bytes()).hexdigest())
     assert (info.name, info.output_stride, info.max_disparity, info.usual_width) == ("quick", 2, 32, 480)
+    assert info.last_plane == 28
     assert info.training["quantisation"]["pairs"] == 3
     assert info.training["test"]["all"]["epe_px"] == 0.5
 

@@ -126,6 +126,7 @@ def _metadata(network: StereoNetwork, info: ModelInfo) -> dict[str, str]:
         "training": json.dumps(info.training, sort_keys=True, separators=(",", ":")),
         "intended_use": info.intended_use,
     }
-    if network.usual_width is not None:
-        entries["usual_width"] = str(network.usual_width)
+    for key, value in (("usual_width", network.usual_width), ("last_plane", network.last_plane)):
+        if value is not None:
+            entries[key] = str(value)
     return {f"endosdk.{key}": value for key, value in entries.items()}

@@ -55,8 +55,14 @@ class StereoNetwork(nn.Module, ABC):
     coarse_stride: int  # input pixels per cell of the grid on which the refinement works
     output_stride: int  # input pixels per cell of the answer
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
+    plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
     usual_width: int | None = None  # width at which frames are to be seen, px; None: any
     confidence: ConfidenceHead
+
+    @property
+    def last_plane(self) -> int | None:
+        """The largest disparity there is a plane for, input px: answers for nearer surfaces pile up there."""
+        return None if self.plane_step is None else self.max_disparity - self.plane_step
 
     @abstractmethod
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:

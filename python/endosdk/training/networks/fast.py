@@ -52,6 +52,7 @@ class Fast(StereoNetwork):
     input_multiple = CELL * HALVED
     coarse_stride = CELL
     output_stride = STRIDE
+    plane_step = CELL
     usual_width = 480
 
     def __init__(self, max_disparity: int = 48, shape: Shape | None = None) -> None:

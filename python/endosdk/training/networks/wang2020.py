@@ -38,6 +38,7 @@ class Wang2020(StereoNetwork):
     name = "wang2020"
     input_multiple = CELL
     coarse_stride = output_stride = 1
+    plane_step = CELL
 
     def __init__(self, max_disparity: int = 72) -> None:
         """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
