@@ -124,6 +124,19 @@ def test_same_maps_for_other_pixels(library, order):
     np.testing.assert_array_equal(maps["reasons"], expected.reasons)
 
 
+@pytest.mark.parametrize(("disparity", "network_size"), [(31, (0, 0)), (62, (120, 60))], ids=str)
+def test_same_end_of_the_range_as_python(library, disparity, network_size):
+    left, right = shifted_pair(120, 240, disparity)
+    python = endosdk.DepthEstimator(TINY_MODEL, network_size=network_size if any(network_size) else None)
+    expected = python.predict(left, right).reasons
+    width, height = network_size
+    estimator = c.CEstimator(library, TINY_MODEL, network_width=width, network_height=height)
+    _, maps = estimator.predict(left, right, maps=("reasons",))
+    estimator.close()
+    np.testing.assert_array_equal(maps["reasons"], expected)
+    assert np.mean((expected & endosdk.Reason.OUT_OF_RANGE) != 0) > 0.4
+
+
 @pytest.mark.parametrize("rig_name", [name for name in RIGS if name != "no rig"])
 def test_same_geometry_and_hash_as_python(library, rig_name):
     rig = RIGS[rig_name]()
@@ -184,6 +197,7 @@ def double_disparity(onnx, model):
         claim("input_multiple", "0"),
         claim("output_stride", "-4"),
         claim("max_disparity", "many"),
+        claim("last_plane", "33"),
         claim("name", ""),
         rename_input,
     ],

@@ -91,6 +91,8 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
     if metric:
         options |= {"focal_px": FOCAL, "baseline_mm": BASELINE, "doffs": 1.5}
         options |= {"min_depth_mm": 120.0, "max_depth_mm": 400.0}
+    else:
+        options |= {"last_plane": 30.0 / frame.stride}
     _core.set_isa(isa)
     _core.set_threads(threads)
     usable, out = frame.run(**options)
@@ -123,6 +125,7 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
             depth=depth if metric else None,
             depth_range=(options.get("min_depth_mm", 0.0), options.get("max_depth_mm", np.inf)),
             doffs=doffs,
+            disparity_end=(options["last_plane"] - 0.5) * frame.stride if "last_plane" in options else np.inf,
         )
     np.testing.assert_array_equal(out["reasons"], bits)
     assert usable == np.count_nonzero(bits == 0)
@@ -172,6 +175,25 @@ def test_hand_computed_pixel() -> None:
     assert out["sigma"][0, 19] == pytest.approx(40 * np.sqrt(2) / np.log(2), rel=1e-6)
 
 
+@every_isa
+@pytest.mark.parametrize("metric", [False, True])
+def test_nothing_is_found_from_half_a_pixel_before_the_last_plane_on(isa: str, metric: bool) -> None:
+    _core.set_isa(isa)
+    network_px = np.repeat(np.array([[11.25, 11.4375, 11.5, 11.5625, 12, 12.25]], np.float32), 40, axis=1)
+    frame = Frame(network_px, np.ones_like(network_px), network_px.shape, 1.0)
+    options = {"focal_px": 800.0, "baseline_mm": 5.0} if metric else {}
+    reached = network_px >= 11.5
+    for last_plane, expected in ((12.0, reached), (0.0, np.zeros_like(reached))):
+        _, out = frame.run(last_plane=last_plane, **options)
+        np.testing.assert_array_equal((out["reasons"] & reference.OUT_OF_RANGE) != 0, expected)
+
+
+def test_the_last_plane_is_in_pixels_of_the_network() -> None:
+    frame = Frame(np.full((2, 20), 11.25, np.float32), np.ones((2, 20), np.float32), (4, 40), 2.0)
+    for last_plane, usable in ((11.5, 0), (12.0, 4 * (40 - 23))):
+        assert frame.run(last_plane=last_plane)[0] == usable
+
+
 def test_occlusion_needs_more_than_one_pixel() -> None:
     row = np.full(40, 5, np.float32)
     row[20:25] = 6.0  # covers the match of the pixel before it by exactly one pixel: tolerated
@@ -205,6 +227,7 @@ METRIC = {"out_depth": full((8, 12)), "focal_px": 100.0, "baseline_mm": 5.0}
         ({"valid_right": full((8, 12), bool)}, "valid_right: must be uint8; got bool"),
         ({"min_confidence": np.nan}, "min_confidence: must be finite"),
         ({"gain": 0.0}, "gain: must be positive and finite"),
+        ({"last_plane": -1.0}, "last_plane: must be finite and not negative"),
         ({"scale_x": np.inf}, "scale_x: must be positive and finite"),
         ({"out_sigma": full((8, 12))}, "focal_px: must be positive for depth or sigma"),
         (METRIC | {"focal_px": -1.0}, "focal_px: must be finite and not negative"),

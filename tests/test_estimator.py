@@ -289,6 +289,30 @@ def test_depth_range_limits_the_answer(pair):
     assert far.status is not Status.OK
 
 
+def out_of_range(model, disparity, network_size=None):
+    """Share of the pixels, beyond the band that the right camera does not see, that are said to be out of range."""
+    estimator = DepthEstimator(model, network_size=network_size, min_confidence=0.0)
+    reasons = estimator.predict(*shifted_pair(120, 240, disparity)).reasons[:, 80:]
+    return np.mean((reasons & Reason.OUT_OF_RANGE) != 0)
+
+
+def test_surfaces_nearer_than_the_last_plane_are_out_of_range():
+    assert out_of_range(TINY_MODEL, 29) < 0.05
+    assert out_of_range(TINY_MODEL, 31) > 0.5
+    # At half the size the network's 31 px are 62 px of the frame.
+    assert out_of_range(TINY_MODEL, 31, (120, 60)) < 0.05
+    assert out_of_range(TINY_MODEL, 62, (120, 60)) > 0.5
+
+
+def test_a_model_that_does_not_state_its_last_plane_answers_up_to_it():
+    stated = b"endosdk.last_plane"
+    data = TINY_MODEL.read_bytes()
+    assert data.count(stated) == 1
+    silent = data.replace(stated, b"another.last_plane")
+    assert DepthEstimator(silent).model.last_plane is None
+    assert out_of_range(silent, 31) < 0.05
+
+
 def test_out_of_another_size_is_refused(pair):
     estimator = DepthEstimator(TINY_MODEL)
     small = estimator.predict(*shifted_pair(64, 128, 4))

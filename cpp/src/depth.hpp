@@ -10,7 +10,7 @@ enum Reason : uint8_t {
   low_confidence = 1,
   occluded = 2,         // a nearer surface covers its match in the right view
   outside_overlap = 4,  // it or its match lies outside a view
-  out_of_range = 8,     // no depth, or one outside the calibrated range
+  out_of_range = 8,     // no depth, one outside the range asked for, or beyond what the network can find
   saturated = 16,       // all channels at least saturation_level
 };
 

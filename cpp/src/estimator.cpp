@@ -156,6 +156,7 @@ int Estimator::postprocess_frame(const MapsOut& maps) {
   in.scale = {in.view_scale.y / stride, in.view_scale.x / stride};
   in.gain = static_cast<float>(static_cast<double>(frame.width) / picture.width);
   in.min_confidence = static_cast<float>(settings_.min_confidence);
+  in.last_plane = session_.info().last_plane;
   in.left = f.buffers.left();
   in.valid_left = f.stage.valid_left();
   in.valid_right = f.stage.valid_right();

@@ -21,6 +21,7 @@ struct ModelInfo {
   int input_multiple = 1;  // both sides of the input are padded to a multiple of this, px
   int output_stride = 1;   // the output grid is the input grid divided by this
   int max_disparity = 0;   // px at the input's width
+  int last_plane = 0;      // the largest disparity the network has a plane for, px at the input's width; 0: not stated
   int usual_width = 0;     // px; wider frames are seen at this width unless the caller sets a size; 0: none named
   std::string license;
   std::string intended_use;

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "errors.hpp"
@@ -37,6 +38,8 @@ void check(const PostprocessInput& in, const PostprocessOutput& out) {
   check_scale(in.scale, in.gain);
   check_grid({out.disparity.data, out.disparity.width, out.disparity.height}, "out_disparity");
   require(std::isfinite(in.min_confidence), "min_confidence", "must be finite", in.min_confidence);
+  require(std::isfinite(in.last_plane) && in.last_plane >= 0.0, "last_plane", "must be finite and not negative",
+          in.last_plane);
   check_scale(in.view_scale, in.gain);
   if (in.left.data != nullptr) {
     const auto needed = [](int size, double scale) { return static_cast<int>(std::ceil(size * scale - 1e-6)); };
@@ -50,6 +53,9 @@ DepthLimits limits_of(const PostprocessInput& in) {
   const DepthGeometry& g = in.geometry;
   DepthLimits limits{};
   limits.min_confidence = in.min_confidence;
+  limits.disparity_end = in.last_plane > 0.0
+                             ? static_cast<float>((in.last_plane - last_plane_margin) * static_cast<double>(in.gain))
+                             : std::numeric_limits<float>::infinity();
   limits.metric = g.focal_px > 0.0;
   if (limits.metric) {
     limits.focal_baseline = static_cast<float>(g.focal_px * g.baseline_mm);

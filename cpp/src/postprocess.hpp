@@ -18,12 +18,17 @@ struct DepthGeometry {
   double max_depth_mm = 0.0;  // may be infinite
 };
 
+// Surfaces nearer than the last plane come out at it or a little short of it, with high confidence. Answers this close to
+// it, in network pixels, cannot be told from theirs and count as out of range.
+constexpr double last_plane_margin = 0.5;
+
 struct PostprocessInput {
   FloatView disparity;   // network pixels
   FloatView confidence;  // probability that the network's error is at most one of its pixels
   Scale scale;
   float gain = 1.0f;  // network pixels to frame pixels
   float min_confidence = 0.0f;
+  double last_plane = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
   PlanarView left;  // as the network saw it, for saturation; no data: not tested
   Scale view_scale;  // pixels of that view per output pixel; each output pixel takes the nearest
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid

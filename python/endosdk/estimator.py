@@ -81,7 +81,7 @@ class DepthEstimator:
         spinning: bool = True,
     ) -> None:
         self._order = _check_order(channel_order)
-        self._limits = Limits(_check_share("min_confidence", min_confidence), *_check_range(depth_range_mm))
+        limits = (_check_share("min_confidence", min_confidence), *_check_range(depth_range_mm))
         self._network_size = None if network_size is None else _check_size(network_size)
         self._threads = _check_threads(threads)
         if calibration is not None and not isinstance(calibration, StereoCalibration):
@@ -92,6 +92,7 @@ class DepthEstimator:
         self._session = StereoSession(
             read_model(model, integer_units=integer_units), provider=provider, threads=self._threads, spinning=spinning
         )
+        self._limits = Limits(*limits, self._session.info.last_plane)
         self._slot: _Slot | None = None  # of predict
         self._latest: _Slot | None = None
         self._frames = 0

@@ -22,7 +22,7 @@ class Reason(IntFlag):
     LOW_CONFIDENCE = 1  # the network does not trust its own answer
     OCCLUDED = 2  # a nearer surface covers the match in the right view
     OUTSIDE_OVERLAP = 4  # the right camera does not see this point, or the lens map has no source pixel
-    OUT_OF_RANGE = 8  # no finite positive depth, or outside the range that was asked for
+    OUT_OF_RANGE = 8  # no finite positive depth, one outside the range asked for, or nearer than the network can find
     SATURATED = 16  # all three colours of the left view are blown out: glare
 
 

@@ -197,7 +197,8 @@ typedef enum endo_reason {
     ENDO_REASON_LOW_CONFIDENCE = 1,   /* the network does not trust its own answer */
     ENDO_REASON_OCCLUDED = 2,         /* a nearer surface covers the match in the right view */
     ENDO_REASON_OUTSIDE_OVERLAP = 4,  /* only one camera sees the point */
-    ENDO_REASON_OUT_OF_RANGE = 8,     /* no finite positive depth, or outside the range of the options */
+    ENDO_REASON_OUT_OF_RANGE = 8,     /* no finite positive depth, outside the range of the options, or nearer than
+                                         the model can find */
     ENDO_REASON_SATURATED = 16        /* glare: all colours of the left view are blown out */
 } endo_reason;
 

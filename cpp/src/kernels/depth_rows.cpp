@@ -1,5 +1,5 @@
-// Depth, reasons and blending of rows, compiled once per instruction set: plain loops that the compiler vectorises. Contraction to fused
-// multiply-add is off for the whole build and nothing is reassociated, so that every set rounds alike.
+// Depth, reasons and blending of rows, compiled once per instruction set: plain loops that the compiler vectorises.
+// Contraction to fused multiply-add is off for the whole build and nothing is reassociated, so that every set rounds alike.
 #include <string.h>
 
 #include "../depth.hpp"
@@ -16,9 +16,17 @@ constexpr float most_confidence = 1.0f - 1e-6f;
 
 // What one chunk of a row needs between its loops. The second half of `cover` stays infinite: the scan looks there.
 struct Scratch {
-  float match[chunk];      // column of the match in the right view; infinity where the disparity is not finite
+  float match[chunk + 1];  // column of the match in the right view; infinity where the disparity is not finite
   float cover[2 * chunk];  // leftmost match of this pixel and those to its right
-  float depth[chunk];
+  int32_t reasons[chunk];  // as wide as the numbers they are found from, until all are known
+  float unwanted[chunk];   // depth that nobody asked for
+};
+
+// Where a match must lie to be seen, in columns: half a pixel around the valid ones.
+struct Overlap {
+  float last;   // column of the right view
+  float begin;  // for match + 0.5
+  float end;
 };
 
 // -log(1 - c) for c in [1e-6, 1 - 1e-6], within 4e-7 relative. What rounding of 1 - c loses is added back, because
@@ -46,14 +54,25 @@ inline float negative_log1m(float c) {
   return -(static_cast<float>(exponent) * ln2 + (log_mantissa + lost));
 }
 
-// Matches of one chunk that begins at column `first`, and for each the leftmost one from it to the right.
-void find_matches(const float* disparity, int first, int count, Scratch& s) {
+void find_matches(const float* disparity, int first, int count, float* match) {
   for (int i = 0; i < count; ++i) {
     const float d = disparity[i];
-    s.match[i] = __builtin_fabsf(d) < infinity ? static_cast<float>(first + i) - d : infinity;
+    match[i] = __builtin_fabsf(d) < infinity ? static_cast<float>(first + i) - d : infinity;
   }
-  for (int i = count; i < chunk; ++i) s.match[i] = infinity;
-  memcpy(s.cover, s.match, sizeof(s.match));
+  for (int i = count; i <= chunk; ++i) match[i] = infinity;
+}
+
+// Whether no match lies left of the one before, as on every smooth surface.
+bool rise(const float* match) {
+  int rises = 1;
+  for (int i = 0; i < chunk; ++i) rises &= match[i + 1] >= match[i];
+  return rises != 0;
+}
+
+// For each match the leftmost one from it to the right.
+const float* find_cover(Scratch& s) {
+  if (rise(s.match)) return s.match;
+  memcpy(s.cover, s.match, chunk * sizeof(float));
   // Each pass doubles how far to the right a minimum has looked.
   for (int reach = 1; reach < chunk; reach *= 2) {
     for (int i = 0; i < chunk; ++i) {
@@ -61,83 +80,90 @@ void find_matches(const float* disparity, int first, int count, Scratch& s) {
       s.cover[i] = ahead < s.cover[i] ? ahead : s.cover[i];
     }
   }
-}
-
-void measure_depth(const float* disparity, int count, const DepthLimits& limits, Scratch& s) {
-  for (int i = 0; i < count; ++i) s.depth[i] = limits.focal_baseline / (disparity[i] + limits.doffs);
+  return s.cover;
 }
 
 // Conditions below are combined with & and |, not && and ||: a loop without branches is one that can be vectorised.
 
 // `covered_from` is the leftmost match of all chunks to the right.
-void give_reasons(const float* confidence, int count, float last, float covered_from, float min_confidence,
-                  const Scratch& s, uint8_t* reasons) {
+void give_reasons(const float* disparity, const float* confidence, int count, const float* match, const float* cover,
+                  float covered_from, const Overlap overlap, const DepthLimits limits, int32_t* __restrict reasons) {
   for (int i = 0; i < count; ++i) {
-    const float match = s.match[i];
-    const float cover = s.cover[i] < covered_from ? s.cover[i] : covered_from;
-    const int finite = match < infinity;
-    int r = confidence[i] >= min_confidence ? 0 : low_confidence;
-    r |= (finite & (cover < match - 1.0f)) ? occluded : 0;
-    r |= (finite & ((match < 0.0f) | (match > last))) ? outside_overlap : 0;
-    r |= finite ? 0 : out_of_range;
-    reasons[i] = static_cast<uint8_t>(r);
+    const float m = match[i];
+    const float leftmost = cover[i] < covered_from ? cover[i] : covered_from;
+    const float nearest = m + 0.5f;
+    const int finite = m < infinity;
+    const int seen = (m >= 0.0f) & (m <= overlap.last) & (nearest >= overlap.begin) & (nearest < overlap.end);
+    const int found = finite & (disparity[i] + limits.doffs > 0.0f) & (disparity[i] < limits.disparity_end);
+    int r = confidence[i] >= limits.min_confidence ? 0 : low_confidence;
+    r |= (finite & (leftmost < m - 1.0f)) ? occluded : 0;
+    r |= (finite & (seen ^ 1)) ? outside_overlap : 0;
+    r |= found ? 0 : out_of_range;
+    reasons[i] = r;
   }
 }
 
-// The limits come by value: a byte store may change anything that a reference points to.
-void add_range_reasons(const float* disparity, int count, const DepthLimits limits, const Scratch& s,
-                       uint8_t* reasons) {
-  for (int i = 0; i < count; ++i) {
-    const float depth = s.depth[i];
-    const int usable =
-        (disparity[i] + limits.doffs > 0.0f) & (depth >= limits.min_depth) & (depth <= limits.max_depth);
-    reasons[i] = static_cast<uint8_t>(reasons[i] | (usable ? 0 : out_of_range));
-  }
+void add_glare_reasons(const uint8_t* brightness, int count, int32_t* reasons) {
+  for (int i = 0; i < count; ++i) reasons[i] |= brightness[i] >= saturation_level ? saturated : 0;
 }
 
-void add_sign_reasons(const float* disparity, int count, uint8_t* reasons) {
-  for (int i = 0; i < count; ++i) {
-    reasons[i] = static_cast<uint8_t>(reasons[i] | (disparity[i] > 0.0f ? 0 : out_of_range));
-  }
+void add_left_reasons(const uint8_t* valid, int count, int32_t* reasons) {
+  for (int i = 0; i < count; ++i) reasons[i] |= valid[i] ? 0 : outside_overlap;
 }
 
-void add_glare_reasons(const uint8_t* brightness, int count, uint8_t* reasons) {
-  for (int i = 0; i < count; ++i) {
-    reasons[i] = static_cast<uint8_t>(reasons[i] | (brightness[i] >= saturation_level ? saturated : 0));
-  }
-}
-
-void add_left_reasons(const uint8_t* valid, int count, uint8_t* reasons) {
-  for (int i = 0; i < count; ++i) reasons[i] = static_cast<uint8_t>(reasons[i] | (valid[i] ? 0 : outside_overlap));
-}
-
-void add_right_reasons(const uint8_t* valid, int count, float last, const Scratch& s, uint8_t* reasons) {
+// For right views whose valid part has holes.
+void add_right_reasons(const uint8_t* valid, int count, float last, Scratch& s) {
   for (int i = 0; i < count; ++i) {
     if (!(s.match[i] >= 0.0f && s.match[i] <= last)) continue;
-    const int nearest = static_cast<int>(s.match[i] + 0.5f);
-    if (!valid[nearest]) reasons[i] = static_cast<uint8_t>(reasons[i] | outside_overlap);
+    if (!valid[static_cast<int>(s.match[i] + 0.5f)]) s.reasons[i] |= outside_overlap;
   }
 }
 
-void write_depth(const uint8_t* reasons, int count, const Scratch& s, float* depth) {
-  for (int i = 0; i < count; ++i) depth[i] = reasons[i] == 0 ? s.depth[i] : __builtin_nanf("");
+void write_depth(const float* disparity, int count, const DepthLimits limits, int32_t* __restrict reasons,
+                 float* __restrict depth) {
+  for (int i = 0; i < count; ++i) {
+    const float value = limits.focal_baseline / (disparity[i] + limits.doffs);
+    const int usable = (value >= limits.min_depth) & (value <= limits.max_depth);
+    const int r = reasons[i] | (usable ? 0 : out_of_range);
+    reasons[i] = r;
+    depth[i] = r == 0 ? value : __builtin_nanf("");
+  }
 }
 
-void write_sigma(const uint8_t* reasons, const float* confidence, int count, float factor, const Scratch& s,
-                 float* sigma) {
+void write_sigma(const int32_t* reasons, const float* confidence, const float* depth, int count, float factor,
+                 float* __restrict sigma) {
   for (int i = 0; i < count; ++i) {
     float c = confidence[i];
     c = c > least_confidence ? c : least_confidence;
     c = c < most_confidence ? c : most_confidence;
-    const float value = factor * s.depth[i] * s.depth[i] / negative_log1m(c);
+    const float value = factor * depth[i] * depth[i] / negative_log1m(c);
     sigma[i] = reasons[i] == 0 ? value : __builtin_nanf("");
   }
 }
 
-int count_usable(const uint8_t* reasons, int count) {
+// Returns how many pixels have none.
+int write_reasons(const int32_t* __restrict reasons, int count, uint8_t* __restrict out) {
   int usable = 0;
-  for (int i = 0; i < count; ++i) usable += reasons[i] == 0 ? 1 : 0;
+  for (int i = 0; i < count; ++i) {
+    usable += reasons[i] == 0 ? 1 : 0;
+    out[i] = static_cast<uint8_t>(reasons[i]);
+  }
   return usable;
+}
+
+// The columns of a row's valid pixels, if these lie side by side; else the whole row, and `holes` is set.
+Overlap overlap_of(const DepthRow& row, bool& holes) {
+  const float width = static_cast<float>(row.width);
+  const Overlap whole = {width - 1.0f, 0.0f, width};
+  holes = false;
+  if (row.valid_right == nullptr) return whole;
+  const uint8_t* begin = row.valid_right;
+  const uint8_t* end = begin + row.width;
+  while (begin != end && *begin == 0) ++begin;
+  while (end != begin && end[-1] == 0) --end;
+  holes = begin != end && memchr(begin, 0, static_cast<size_t>(end - begin)) != nullptr;
+  if (holes) return whole;
+  return {width - 1.0f, static_cast<float>(begin - row.valid_right), static_cast<float>(end - row.valid_right)};
 }
 
 }  // namespace
@@ -152,9 +178,8 @@ void blend_rows(const float* upper, const float* lower, float weight, float gain
 int depth_row(const DepthRow& row, const DepthLimits& limits) {
   Scratch s;
   for (int i = chunk; i < 2 * chunk; ++i) s.cover[i] = infinity;
-  const float last = static_cast<float>(row.width - 1);
-  const bool right_has_holes =
-      row.valid_right != nullptr && memchr(row.valid_right, 0, static_cast<size_t>(row.width)) != nullptr;
+  bool right_has_holes;
+  const Overlap overlap = overlap_of(row, right_has_holes);
   float covered_from = infinity;
   int usable = 0;
   // From the right, because what covers a pixel lies to its right.
@@ -162,22 +187,21 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
     const int count = row.width - first < chunk ? row.width - first : chunk;
     const float* disparity = row.disparity + first;
     const float* confidence = row.confidence + first;
-    uint8_t* reasons = row.reasons + first;
-    find_matches(disparity, first, count, s);
-    give_reasons(confidence, count, last, covered_from, limits.min_confidence, s, reasons);
+    find_matches(disparity, first, count, s.match);
+    const float* cover = find_cover(s);
+    give_reasons(disparity, confidence, count, s.match, cover, covered_from, overlap, limits, s.reasons);
+    if (row.brightness != nullptr) add_glare_reasons(row.brightness + first, count, s.reasons);
+    if (row.valid_left != nullptr) add_left_reasons(row.valid_left + first, count, s.reasons);
+    if (right_has_holes) add_right_reasons(row.valid_right, count, overlap.last, s);
     if (limits.metric) {
-      measure_depth(disparity, count, limits, s);
-      add_range_reasons(disparity, count, limits, s, reasons);
-    } else {
-      add_sign_reasons(disparity, count, reasons);
+      float* const depth = row.depth != nullptr ? row.depth + first : s.unwanted;
+      write_depth(disparity, count, limits, s.reasons, depth);
+      if (row.sigma != nullptr) {
+        write_sigma(s.reasons, confidence, depth, count, limits.sigma_factor, row.sigma + first);
+      }
     }
-    if (row.brightness != nullptr) add_glare_reasons(row.brightness + first, count, reasons);
-    if (row.valid_left != nullptr) add_left_reasons(row.valid_left + first, count, reasons);
-    if (right_has_holes) add_right_reasons(row.valid_right, count, last, s, reasons);
-    if (row.depth != nullptr) write_depth(reasons, count, s, row.depth + first);
-    if (row.sigma != nullptr) write_sigma(reasons, confidence, count, limits.sigma_factor, s, row.sigma + first);
-    usable += count_usable(reasons, count);
-    covered_from = s.cover[0] < covered_from ? s.cover[0] : covered_from;
+    usable += write_reasons(s.reasons, count, row.reasons + first);
+    covered_from = cover[0] < covered_from ? cover[0] : covered_from;
   }
   return usable;
 }
