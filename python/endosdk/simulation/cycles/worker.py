@@ -25,7 +25,6 @@ EMITTER_MM = 0.7
 FILM_IOR = 1.33
 AMBIENT_LEFT = 0.35  # of the rasteriser's ambient light, most of which is the bounce that is traced here
 LINGERING = 0.5  # of what the lamp's slow falloff adds to the light far away, for the same reason
-PALE = 0.12  # share of white light that tissue returns without colouring it, or bounces would end in one hue
 INDIRECT_CLAMP = 4.0  # of the brightness of a matt white wall at the lamp's reach
 
 
@@ -79,76 +78,81 @@ class Nodes:
 
 
 def tissue_material(folder: Path, part: dict[str, Any], lamp: dict[str, Any]) -> Any:
-    """Return the material of one surface: what lies under it, its relief, and the film of water over it."""
+    """Return the material of one surface: what lies under it, its relief, and the film of water over it.
+
+    Every node is worked through for every sample of every pixel, so nothing stands here that the textures or the
+    vertices can bring along. Light that has bounced meets the colour alone: it is spread too widely to show more.
+    """
     material = bpy.data.materials.new("tissue")
     material.use_nodes = True
     material.cycles.emission_sampling = "NONE"
     n = Nodes(material.node_tree)
     place = n.attribute("place")
     skin, wet = n.picture(folder / part["albedo"], n.vector("MULTIPLY", place, (*part["albedo_scale"], 0.0)))
+    flat = n.vector("MULTIPLY", skin, skin)
+    matt = n.add("ShaderNodeBsdfDiffuse", {"Color": flat}).outputs[0]
     tiled = n.vector("MULTIPLY", place, (*part["detail_scale"], 0.0))
-    fine, fine_gloss = n.picture(folder / part["detail"], tiled)
+    skin_shader = _wet_tissue(n, folder, part, lamp, (flat, wet, tiled))
+    first = n.add("ShaderNodeLightPath").outputs["Is Camera Ray"]
+    surface = n.add("ShaderNodeMixShader", {0: first, 1: matt, 2: skin_shader}).outputs[0]
+    n.add("ShaderNodeOutputMaterial", {"Surface": surface})
+    return material
+
+
+def _wet_tissue(n: Nodes, folder: Path, part: dict[str, Any], lamp: dict[str, Any], under: tuple[Any, Any, Any]) -> Any:
+    """Return what the camera sees of a surface, given its flat colour, its wetness and where its detail is read."""
+    flat, wet, tiled = under
+    fine, uneven = n.picture(folder / part["detail"], tiled)
     coarse, _ = n.picture(folder / part["swell"], tiled)
-    contrast, along, across = _signed(n, fine)
-    full = n.scaled(n.vector("MULTIPLY", skin, skin), n.math("EXPONENT", contrast))
-    grey = n.math("MULTIPLY", n.vector("DOT_PRODUCT", full, (1.0, 1.0, 1.0)), PALE / 3.0)
-    base = n.vector(
-        "ADD", n.scaled(full, 1.0 - PALE), n.add("ShaderNodeCombineXYZ", {0: grey, 1: grey, 2: grey}).outputs[0]
-    )
-    relief = _tilted(n, along, across)
-    _, swell_along, swell_across = _signed(n, coarse)
-    calm = n.math("SUBTRACT", 1.0, n.math("MULTIPLY", wet, 0.4))
-    film = _tilted(n, n.math("MULTIPLY", swell_along, calm), n.math("MULTIPLY", swell_across, calm))
-    uneven = n.math("ADD", 0.5, fine_gloss)  # 1 where neutral
-    dry = n.math("SUBTRACT", 1.0, n.math("MULTIPLY", wet, 0.35))
-    rough = n.math("MULTIPLY", part["roughness"], n.math("MULTIPLY", uneven, dry))
+    # Codes of 0..1 mean contrast -1..1 and slopes 1..-1.
+    contrast, along, across = _split(n, n.vector("MULTIPLY_ADD", fine, (2.0, -2.0, -2.0), (-1.0, 1.0, 1.0)))
+    base = n.scaled(flat, n.math("EXPONENT", contrast))
+    calm = n.math("MULTIPLY_ADD", wet, -0.4, 1.0)
+    swell = n.vector("MULTIPLY_ADD", coarse, (0.0, -2.0, -2.0), (0.0, 1.0, 1.0))
+    _, swell_along, swell_across = _split(n, n.scaled(swell, calm))
+    up, tangent = n.attribute("up"), n.attribute("along")
+    frame = up, tangent, n.vector("CROSS_PRODUCT", up, tangent)
+    dry = n.math("MULTIPLY_ADD", wet, -0.35, 1.0)
+    rough = n.math("MULTIPLY", n.math("MULTIPLY_ADD", uneven, part["roughness"], 0.5 * part["roughness"]), dry)
     rough = n.math("MINIMUM", 0.9, n.math("MAXIMUM", 0.2, rough))
-    metal = 1.0 if part["metallic"] else 0.0
-    shader = n.add(
+    return n.add(
         "ShaderNodeBsdfPrincipled",
         {
             "Base Color": base,
-            "Metallic": metal,
+            "Metallic": 1.0 if part["metallic"] else 0.0,
             "Roughness": rough,
-            "Normal": relief,
+            "Normal": _tilted(n, frame, along, across),
+            "Tangent": tangent,  # or Blender works out one that is not used
             "Specular IOR Level": min(1.0, 0.5 * part["gloss"]),
             "Subsurface Weight": part["subsurface"],
             "Subsurface Radius": SUBSURFACE_MM,
             "Subsurface Scale": 1.0,
-            "Coat Weight": n.math("MINIMUM", 1.0, n.math("MULTIPLY", part["gloss"], n.math("ADD", 0.35, wet))),
+            "Coat Weight": n.math("MINIMUM", 1.0, n.math("MULTIPLY_ADD", wet, part["gloss"], 0.35 * part["gloss"])),
             "Coat Roughness": n.math("MAXIMUM", 0.16, n.math("MULTIPLY", 0.55, rough)),
             "Coat IOR": FILM_IOR,
-            "Coat Normal": film,
+            "Coat Normal": _tilted(n, frame, swell_along, swell_across),
             "Emission Color": n.vector("MULTIPLY", n.vector("MULTIPLY", base, base), tuple(lamp["tint"])),
             "Emission Strength": _ambient(n, lamp),
         },
         subsurface_method="BURLEY",
-    )
-    n.add("ShaderNodeOutputMaterial", {"Surface": shader.outputs["BSDF"]})
-    return material
+    ).outputs["BSDF"]
 
 
-def _signed(n: Nodes, colour: Any) -> list[Any]:
-    """Return the three channels stretched to -1..1."""
-    parts = n.add("ShaderNodeSeparateColor", {"Color": colour})
-    return [n.math("SUBTRACT", n.math("MULTIPLY", parts.outputs[k], 2.0), 1.0) for k in range(3)]
+def _split(n: Nodes, vector: Any) -> list[Any]:
+    """Return the three numbers of a vector."""
+    return list(n.add("ShaderNodeSeparateXYZ", {0: vector}).outputs)
 
 
-def _tilted(n: Nodes, along: Any, across: Any) -> Any:
-    """Return the surface's normal tilted by slopes along its texture's two directions."""
-    up = n.vector("NORMALIZE", n.attribute("up"))
-    raw = n.attribute("along")
-    tangent = n.vector("NORMALIZE", n.vector("SUBTRACT", raw, n.scaled(up, n.vector("DOT_PRODUCT", up, raw))))
-    other = n.vector("CROSS_PRODUCT", up, tangent)
-    slope = n.vector("ADD", n.scaled(tangent, along), n.scaled(other, across))
-    return n.vector("NORMALIZE", n.vector("SUBTRACT", up, slope))
+def _tilted(n: Nodes, frame: tuple[Any, Any, Any], along: Any, across: Any) -> Any:
+    """Return the surface's normal, tilted toward its texture's two directions."""
+    up, tangent, other = frame
+    return n.vector("MULTIPLY_ADD", other, across, n.vector("MULTIPLY_ADD", tangent, along, up))
 
 
 def _ambient(n: Nodes, lamp: dict[str, Any]) -> Any:
     """Return the light that has bounced more often than is traced: it fades slowly with distance."""
     far = n.vector("LENGTH", n.add("ShaderNodeNewGeometry").outputs["Position"])
-    fade = n.math("SQRT", n.math("DIVIDE", lamp["reach"], n.math("MAXIMUM", far, 1.0)))
-    return n.math("MULTIPLY", AMBIENT_LEFT * lamp["ambient"], fade)
+    return n.math("MULTIPLY", AMBIENT_LEFT * lamp["ambient"] * lamp["reach"] ** 0.5, n.math("INVERSE_SQRT", far))
 
 
 def depth_material() -> Any:
@@ -191,11 +195,13 @@ def add_lamp(lamp: dict[str, Any]) -> None:
         light.shadow_soft_size = EMITTER_MM
         light.use_nodes = True
         n = Nodes(light.node_tree)
+        light.cycles.use_multiple_importance_sampling = False  # no gloss is narrow enough to find so small a lamp
         # Free space takes the square of distance; the lamp may fade less, since light lingers in a lumen.
+        power = LINGERING * (2.0 - lamp["falloff"])
         far = n.add("ShaderNodeLightPath").outputs["Ray Length"]
-        lingering = n.math("POWER", n.math("DIVIDE", far, lamp["reach"]), LINGERING * (2.0 - lamp["falloff"]))
-        toward = n.vector("DOT_PRODUCT", n.add("ShaderNodeNewGeometry").outputs["Incoming"], (0.0, 0.0, 1.0))
-        beam = n.math("POWER", n.math("MAXIMUM", n.math("ABSOLUTE", toward), 1e-4), lamp["beam"])
+        toward = _split(n, n.add("ShaderNodeNewGeometry").outputs["Incoming"])[2]
+        beam = n.math("POWER", n.math("ABSOLUTE", toward), lamp["beam"])
+        lingering = n.math("MULTIPLY", n.math("POWER", far, power), lamp["reach"] ** -power)
         glow = n.add("ShaderNodeEmission", {"Strength": n.math("MULTIPLY", lingering, beam)})
         n.add("ShaderNodeOutputLight", {"Surface": glow.outputs[0]})
         holder = bpy.data.objects.new("emitter", light)
@@ -238,6 +244,7 @@ def prepare(settings: dict[str, Any], device: str) -> Any:
     cycles.samples = settings["samples"]
     cycles.use_adaptive_sampling = False
     cycles.use_light_tree = False
+    cycles.sampling_pattern = "TABULATED_SOBOL"
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = BOUNCES
     cycles.sample_clamp_indirect = INDIRECT_CLAMP
     cycles.caustics_reflective = cycles.caustics_refractive = False
