@@ -33,7 +33,7 @@ class BlockMatching(StereoNetwork):
     name = "tiny-for-tests"
     max_disparity = 32
     input_multiple = 8
-    output_stride = 4
+    coarse_stride = output_stride = 4
     plane_step = 1
 
     def __init__(self) -> None:

@@ -39,7 +39,7 @@ def test_confidence_is_the_share_of_errors_within_a_pixel():
     evidence, error = laplace_errors(seed=1)
     head = ConfidenceHead(2)
     head.weights.copy_(fit_laplace(evidence, error))
-    confidence = head(evidence.T[None, :, :, None]).flatten()
+    confidence = head(head.log_scale(evidence.T[None, :, :, None])).flatten()
     within = (error.abs() <= 1.0).float()
     for low in (0.2, 0.4, 0.6, 0.8):
         bin_ = (confidence >= low) & (confidence < low + 0.2)
@@ -49,7 +49,7 @@ def test_confidence_is_the_share_of_errors_within_a_pixel():
 
 def test_extreme_evidence_keeps_confidence_inside_its_range():
     head = ConfidenceHead(1)
-    confidence = head(torch.tensor([-1e6, 0.0, 1e6]).reshape(1, 1, 1, 3))
+    confidence = head(head.log_scale(torch.tensor([-1e6, 0.0, 1e6]).reshape(1, 1, 1, 3)))
     assert torch.isfinite(confidence).all()
     assert 0.0 < confidence.min() < 0.011
     assert confidence.max() <= 1.0

@@ -61,7 +61,7 @@ def test_maps_come_back_at_the_size_of_the_frame():
     reader = OneFrame(101, 963)
     (frame,) = predict_frames(network, reader, [0])
     assert all(found.shape == (101, 963) for found in frame.maps)
-    assert frame.evidence.shape == (3, 101, 963)
+    assert frame.evidence.shape == (5, 101, 963)
     # What the network answers at half the width is half of what the frame's pixels say.
     half = torch.from_numpy(np.ascontiguousarray(reduced_view(reader.sample.left, 2).transpose(2, 0, 1)))[None].float()
     other = torch.from_numpy(np.ascontiguousarray(reduced_view(reader.sample.right, 2).transpose(2, 0, 1)))[

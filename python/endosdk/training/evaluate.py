@@ -59,7 +59,7 @@ def predict_frames(
         prediction = network(left, right, refined=refined)
         *maps, evidence = (
             _to_frame(values, network.output_stride * factor, sample)
-            for values in (*prediction.disparities, prediction.evidence)
+            for values in (*prediction.disparities, network.on_answer_grid(prediction.evidence))
         )
         yield Frame(sample, [factor * found[0].numpy() for found in maps], evidence, factor)
 

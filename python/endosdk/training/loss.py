@@ -38,6 +38,12 @@ def l2_loss(predicted: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
     return _over_pairs(square.sum(dim=(1, 2, 3)) / _count(mask), mask)
 
 
+def l1_loss(predicted: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
+    """Return the mean absolute error, px: what the end-point error measures."""
+    error = _difference(predicted, truth, mask).abs()
+    return _over_pairs(error.sum(dim=(1, 2, 3)) / _count(mask), mask)
+
+
 def smooth_l1_loss(predicted: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
     """Return the mean of e^2 / 2 below one pixel of error and e - 1/2 above: robust where surfaces end."""
     error = _difference(predicted, truth, mask)
@@ -49,6 +55,7 @@ def build_loss(name: str, balance: float = 0.5) -> Callable[[Tensor, Tensor, Ten
     """Return the named loss; ``balance`` counts for the scale-invariant one alone."""
     losses: dict[str, Callable[[Tensor, Tensor, Tensor], Tensor]] = {
         "scale-invariant": lambda predicted, truth, mask: scale_invariant_loss(predicted, truth, mask, balance),
+        "l1": l1_loss,
         "l2": l2_loss,
         "smooth-l1": smooth_l1_loss,
     }

@@ -37,13 +37,14 @@ class Coarse(NamedTuple):
     disparity: Tensor  # [N, 1, h, w], px at the input width
     evidence: Tensor  # [N, K, h, w], what tells how far to trust it; no gradient flows through it
     context: Tensor  # [N, C, h, w], what the refinement knows of the left view
+    hints: Tensor | None = None  # [N, C, h, w], what else it may know
 
 
 class Prediction(NamedTuple):
     """Disparity maps from coarse to fine, and what tells how far the finest can be trusted."""
 
     disparities: list[Tensor]  # each [N, 1, H/s, W/s], px at the input width; a windowed one has the window's size
-    evidence: Tensor  # [N, K, H/s, W/s] of the last map; no gradient flows through it
+    evidence: Tensor  # [N, K, h, w] of the last map, on the coarse grid; no gradient flows through it
 
 
 class StereoNetwork(nn.Module, ABC):
@@ -80,10 +81,11 @@ class StereoNetwork(nn.Module, ABC):
         """
         coarse = self.coarse(left, right)
         if not refined:
-            return Prediction([self.on_answer_grid(coarse.disparity)], self.on_answer_grid(coarse.evidence))
+            return Prediction([self.on_answer_grid(coarse.disparity)], coarse.evidence)
         if window is None:
             return self.refine(coarse)
-        prediction = self.refine(Coarse(*(window.of(values, self.coarse_stride) for values in coarse)))
+        parts = (None if part is None else window.of(part, self.coarse_stride) for part in coarse)
+        prediction = self.refine(Coarse(*parts))  # type: ignore[arg-type]
         return Prediction([self.on_answer_grid(coarse.disparity), *prediction.disparities[1:]], prediction.evidence)
 
     def on_answer_grid(self, values: Tensor) -> Tensor:
@@ -92,6 +94,11 @@ class StereoNetwork(nn.Module, ABC):
         if factor == 1:
             return values
         return F.interpolate(values, scale_factor=float(factor), mode="bilinear", align_corners=False)
+
+    def trust(self, prediction: Prediction) -> Tensor:
+        """Return the probability [N, 1, H/s, W/s] that the last map is wrong by at most one pixel."""
+        trust: Tensor = self.confidence(self.on_answer_grid(self.confidence.log_scale(prediction.evidence)))
+        return trust
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that computes the same with layers that suit the deployed runtime.
@@ -119,7 +126,7 @@ class Deployed(nn.Module):
         """Map uint8 [N, 3, H, W] to disparity and confidence, float32 [N, 1, H/s, W/s]."""
         views = (left, right) if self.network.reads_bytes else (left.to(torch.float32), right.to(torch.float32))
         prediction = self.network(*views)
-        return prediction.disparities[-1], self.network.confidence(prediction.evidence)
+        return prediction.disparities[-1], self.network.trust(prediction)
 
 
 def check_max_disparity(value: int, cell: int) -> int:

@@ -28,6 +28,6 @@ class ConfidenceHead(nn.Module):
         weighted = evidence * self.weights[1:].view(1, -1, 1, 1)
         return (weighted.sum(dim=1, keepdim=True) + self.weights[0]).clamp(-4.6, 4.6)
 
-    def forward(self, evidence: Tensor) -> Tensor:
-        """Return P(|error| <= 1 px), [N, 1, H, W]."""
-        return 1.0 - torch.exp(-torch.exp(-self.log_scale(evidence)))
+    def forward(self, log_scale: Tensor) -> Tensor:
+        """Return P(|error| <= 1 px) of `log_scale`; same shape."""
+        return 1.0 - torch.exp(-torch.exp(-log_scale))

@@ -1,0 +1,96 @@
+"""The step that the pictures ask for, against arithmetic done slowly and against shifts that are known."""
+
+import numpy as np
+import pytest
+import torch
+import torch.nn.functional as F
+
+from endosdk.training.networks import photometric
+from endosdk.training.networks.photometric import Moments, brightness, coarser, moments, step
+
+HEIGHT, WIDTH = 64, 96
+
+
+def waves(shift, seed=0):
+    """Smooth coloured texture [1, 3, H, W], 0..255, moved to the left by ``shift`` px: exact, nothing is resampled."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    picture = np.zeros((3, HEIGHT, WIDTH))
+    for _ in range(24):
+        across, down = rng.uniform(-0.6, 0.6), rng.uniform(-0.5, 0.5)
+        wave = np.cos(across * (x + shift) + down * y + rng.uniform(0, 6.3))
+        picture += rng.uniform(2, 9, (3, 1, 1)) * wave
+    return torch.from_numpy(picture + 128.0).float()[None]
+
+
+def compare(left, right, disparity, window=3):
+    """Step [H/4, W/4] on cells of 4 px, for a disparity that is the same everywhere."""
+    guess = torch.full((1, 1, HEIGHT // 4, WIDTH // 4), float(disparity))
+    return step(moments(brightness(left), brightness(right), guess, 4), window)
+
+
+def inner(values):
+    """Away from the border, where the other view has nothing to compare with."""
+    return values[0, 0, 2:-2, 6:-3]
+
+
+@pytest.mark.parametrize("lacking", [-0.75, -0.3, 0.0, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("disparity", [7.0, 9.25])
+def test_the_step_is_what_the_disparity_lacks(disparity, lacking):
+    found = inner(compare(waves(0.0), waves(disparity), disparity - lacking).step)
+    assert abs(found.mean().item() - lacking) < 0.03 + 0.1 * abs(lacking)
+    assert (found - lacking).abs().quantile(0.95) < 0.06 + 0.25 * abs(lacking)
+
+
+def test_brighter_cameras_do_not_move_the_step():
+    left, right = waves(0.0), waves(8.0)
+    plain, brighter = compare(left, right, 7.5), compare(left, right + 20.0, 7.5)
+    torch.testing.assert_close(inner(plain.step), inner(brighter.step), atol=2e-3, rtol=0.0)
+    torch.testing.assert_close(inner(plain.mismatch), inner(brighter.mismatch), atol=2e-2, rtol=0.0)
+
+
+def test_no_texture_no_step():
+    flat = torch.full((1, 3, HEIGHT, WIDTH), 90.0)
+    noise = torch.randn(2, 1, 3, HEIGHT, WIDTH, generator=torch.Generator().manual_seed(0))
+    quiet = compare(flat + 0.5 * noise[0], flat + 0.5 * noise[1], 5.0)
+    textured = compare(waves(0.0), waves(5.0), 5.0)
+    assert inner(quiet.step).abs().max() < 0.3
+    assert inner(quiet.texture).max() < inner(textured.texture).min()
+
+
+def test_views_that_do_not_show_the_same_are_a_mismatch():
+    same, other = compare(waves(0.0), waves(6.0), 6.0), compare(waves(0.0), waves(6.0, seed=1), 6.0)
+    assert inner(other.mismatch).min() > inner(same.mismatch).max()
+
+
+def test_moments_equal_slow_arithmetic():
+    rng = np.random.default_rng(1)
+    left, right = (rng.uniform(0, 4, (6, 16)) for _ in range(2))  # rows already averaged in pairs
+    disparity = rng.uniform(-1, 20, (6, 16))
+    wanted = np.zeros((5, 3, 4))
+    moved = np.zeros((6, 16))
+    for y in range(6):
+        for x in range(16):
+            position = min(max(x - disparity[y, x], 0.0), 15.0)
+            moved[y, x] = np.interp(position, np.arange(16), right[y])
+    both = np.pad(left + moved, ((0, 0), (1, 1)), mode="edge")
+    slope, difference = (both[:, 2:] - both[:, :-2]) / 4, left - moved
+    for i, values in enumerate([slope, difference, slope * difference, slope**2, difference**2]):
+        for y in range(3):
+            for x in range(4):
+                wanted[i, y, x] = values[2 * y : 2 * y + 2, 4 * x : 4 * x + 4].mean()
+    found = moments(*(torch.from_numpy(v)[None, None] for v in (left, right, disparity)), cell=4)
+    np.testing.assert_allclose(torch.cat(found, dim=1)[0].numpy(), wanted, atol=1e-12)
+
+
+def test_coarser_cells_are_means_of_finer_ones():
+    values = torch.rand(5, 1, 1, 8, 12)
+    found = coarser(Moments(*values), 2)
+    torch.testing.assert_close(found.slope_slope, F.avg_pool2d(values[3], 2))
+
+
+def test_the_step_is_bounded_and_damped():
+    zero, one = torch.zeros(1, 1, 3, 3), torch.ones(1, 1, 3, 3)
+    assert step(Moments(zero, zero, -1e6 * one, one, one), 1).step.max() == photometric.LARGEST_STEP
+    damped = step(Moments(zero, zero, -0.1 * photometric.DAMPING * one, photometric.DAMPING * one, one), 1).step
+    torch.testing.assert_close(damped, torch.full_like(one, 0.05))
