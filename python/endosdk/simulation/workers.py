@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -56,6 +57,8 @@ def render_on_ray(job: Job, tasks: list[Task], workers: int) -> Iterator[int]:
 
     A task whose worker dies is given to another. Raises DependencyMissing where Ray is not installed.
     """
+    # Ray would report its use to its makers over the network.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray
     except ImportError as error:
