@@ -74,6 +74,7 @@ void Estimator::set_calibration(std::optional<Rig> rig) {
   const std::lock_guard lock(calls_);
   rig_ = std::move(rig);
   frames_.reset();  // its maps belong to the former rig
+  has_picture_ = false;
 }
 
 std::optional<Rig> Estimator::calibration() const {

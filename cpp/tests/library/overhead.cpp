@@ -6,8 +6,9 @@
 #include <chrono>
 #include <limits>
 
+#include "network_size.hpp"
 #include "postprocess.hpp"
-#include "rectify_stage.hpp"
+#include "rig.hpp"
 #include "session.hpp"
 #include "support.hpp"
 #include "threads.hpp"
@@ -23,8 +24,10 @@ class Bare {
   Bare(const Places& at, const endo_calibration& numbers, Size frame, int threads)
       : rig_(numbers),
         session_(Runtime::open(at.runtime, {}), read_model(at.model, ""), {"cpu", threads, true}, {}),
-        rectifier_(rig_.rectifier(rig_.geometry())),
-        buffers_(session_, frame) {}
+        picture_(usual_network_size(frame, session_.info().usual_width)),
+        rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_))),
+        full_(rig_.rectifier(rig_.geometry())),
+        buffers_(session_, picture_) {}
 
   void predict(const Pair& pair, Output& out) {
     const ImageView left = {pair.left.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
@@ -36,11 +39,14 @@ class Bare {
     PostprocessInput in;
     in.disparity = buffers_.disparity();
     in.confidence = buffers_.confidence();
-    in.scale = {1.0 / stride, 1.0 / stride};
+    in.view_scale = {static_cast<double>(picture_.height) / pair.height, static_cast<double>(picture_.width) / pair.width};
+    in.scale = {in.view_scale.y / stride, in.view_scale.x / stride};
+    in.gain = static_cast<float>(static_cast<double>(pair.width) / picture_.width);
     in.min_confidence = 0.3f;
+    in.last_plane = session_.info().last_plane;
     in.left = buffers_.left();
-    in.valid_left = rectifier_.valid_left().data();
-    in.valid_right = rectifier_.valid_right().data();
+    in.valid_left = full_.valid_left().data();
+    in.valid_right = full_.valid_right().data();
     in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), 0.0, std::numeric_limits<double>::infinity()};
     postprocess(in, {{out.disparity.data(), pair.width, pair.height},
                      {out.confidence.data(), pair.width, pair.height},
@@ -52,7 +58,9 @@ class Bare {
  private:
   Rig rig_;
   Session session_;
+  Size picture_;  // as the network sees the frame
   Rectifier rectifier_;
+  Rectifier full_;  // for the masks, which have the frame's size
   Session::Buffers buffers_;
 };
 

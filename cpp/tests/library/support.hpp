@@ -4,6 +4,8 @@
 
 #include <endosdk/endosdk.h>
 
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -20,6 +22,15 @@ struct Places {
 inline Places places(int argc, char** argv) {
   CHECK(argc >= 3);
   return {argv[1], argv[2]};
+}
+
+// Ends the test unless a call gave this status, and a text that holds the word.
+inline void expect(endo_status seen, endo_status wanted, const char* word) {
+  if (seen != wanted || std::strstr(endo_last_error(), word) == nullptr) {
+    std::fprintf(stderr, "wanted %s and \"%s\", got %s: %s\n", endo_status_name(wanted), word, endo_status_name(seen),
+                 endo_last_error());
+    std::exit(1);
+  }
 }
 
 inline std::string read_file(const std::string& path) {

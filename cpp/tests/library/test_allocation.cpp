@@ -11,7 +11,7 @@
 #include <cmath>
 #include <new>
 
-#include "support.hpp"
+#include "frame.hpp"
 
 extern "C" {
 void* __libc_malloc(size_t size);
@@ -80,10 +80,6 @@ void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, size_t) noexcept { std::free(memory); }
 
 namespace {
-
-constexpr int width = 160;
-constexpr int height = 96;
-constexpr size_t pixels = size_t{width} * height;
 
 Range range_of(const char* part_of_name) {
   struct Search {

@@ -1,0 +1,116 @@
+// What a frame gives: disparity, depth, reasons and rectified pictures, whatever the layout of its pixels.
+#include <algorithm>
+#include <cmath>
+
+#include "frame.hpp"
+
+namespace {
+
+void finds_the_disparity_of_a_plane(const Places& at) {
+  const Opened estimator(at);
+  Output out(pixels);
+  CHECK(endo_prepare(estimator.get(), width, height) == ENDO_OK);
+  CHECK(estimator.predict(Pair(width, height, 9), out) == ENDO_OK);
+  CHECK(std::fabs(middle(out.disparity) - 9.0f) < 0.5f);
+  CHECK(out.result.frame == 1 && out.result.quality == ENDO_QUALITY_OK && out.result.valid_share > 0.5);
+  CHECK(out.result.session_ms > 0.0 && out.result.late == 0);
+  for (size_t i = 0; i < pixels; ++i) {
+    const long wanted = out.reasons[i] != 0 ? 0 : std::lround(256.0 * static_cast<double>(out.disparity[i]));
+    CHECK(std::labs(out.disparity_u16[i] - wanted) <= 1);
+  }
+}
+
+void a_rig_gives_depth(const Places& at) {
+  const Opened estimator(at);
+  Output out(pixels, true);
+  const Pair pair(width, height, 9);
+  expect(estimator.predict(pair, out), ENDO_CALIBRATION_REQUIRED, "endo_set_calibration");
+  endo_geometry geometry{};
+  geometry.struct_size = sizeof geometry;
+  expect(endo_get_geometry(estimator.get(), &geometry), ENDO_CALIBRATION_REQUIRED, "calibration");
+
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  CHECK(endo_get_geometry(estimator.get(), &geometry) == ENDO_OK);
+  CHECK(geometry.rectifies == 1 && geometry.focal_px > 0.0 && std::fabs(geometry.baseline_mm - 4.6) < 0.01);
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+  for (size_t i = 0; i < pixels; ++i) {
+    CHECK(std::isnan(out.depth[i]) == (out.reasons[i] != 0) && std::isnan(out.sigma[i]) == (out.reasons[i] != 0));
+    if (out.reasons[i] != 0) continue;
+    const double depth = geometry.focal_px * geometry.baseline_mm / (static_cast<double>(out.disparity[i]) + geometry.doffs);
+    CHECK(std::fabs(static_cast<double>(out.depth[i]) - depth) <= 1e-5 * depth);
+    CHECK(std::fabs(std::min(depth, 6553.5) - 0.1 * out.depth_u16[i]) <= 0.06);
+  }
+  expect(estimator.predict(Pair(width, height + 8, 9), out), ENDO_INVALID_ARGUMENT, "capacity");
+  Output larger(pixels + 8 * width, true);
+  expect(estimator.predict(Pair(width, height + 8, 9), larger), ENDO_CALIBRATION_SIZE_MISMATCH, "160x104");
+  CHECK(endo_set_calibration(estimator.get(), nullptr) == ENDO_OK);
+  expect(estimator.predict(pair, out), ENDO_CALIBRATION_REQUIRED, "depth");
+}
+
+void surfaces_nearer_than_the_last_plane_are_out_of_range(const Places& at) {
+  const auto share = [&](int disparity) {
+    const Opened estimator(at);
+    Output out(pixels);
+    CHECK(estimator.predict(Pair(width, height, disparity), out) == ENDO_OK);
+    const auto marked = std::count_if(out.reasons.begin(), out.reasons.end(),
+                                      [](int r) { return (r & ENDO_REASON_OUT_OF_RANGE) != 0; });
+    return static_cast<double>(marked) / static_cast<double>(pixels);
+  };
+  CHECK(share(9) < 0.02);
+  CHECK(share(31) > 0.4);  // the tiny model's last plane
+}
+
+void every_layout_of_a_frame_gives_the_same(const Places& at) {
+  const Opened estimator(at);
+  const Pair pair(width, height, 9);
+  Output plain(pixels);
+  CHECK(estimator.predict(pair, plain) == ENDO_OK);
+  constexpr int pitch = 3 * width + 17;
+  std::vector<uint8_t> left(size_t{pitch} * height);
+  std::vector<uint8_t> right(left.size());
+  for (int y = 0; y < height; ++y) {  // bottom-up, padded rows, blue first
+    for (int x = 0; x < 3 * width; ++x) {
+      const size_t from = static_cast<size_t>(3 * width * y + x / 3 * 3 + 2 - x % 3);
+      const size_t to = static_cast<size_t>(pitch * (height - 1 - y) + x);
+      left[to] = pair.left[from];
+      right[to] = pair.right[from];
+    }
+  }
+  const size_t top = size_t{pitch} * (height - 1);
+  const endo_image l = {sizeof l, ENDO_BGR8, left.data() + top, width, height, -pitch};
+  const endo_image r = {sizeof r, ENDO_BGR8, right.data() + top, width, height, -pitch};
+  Output turned(pixels);
+  CHECK(endo_predict(estimator.get(), &l, &r, &turned.result) == ENDO_OK);
+  CHECK(turned.disparity == plain.disparity && turned.confidence == plain.confidence && turned.reasons == plain.reasons);
+
+  const endo_image gray = {sizeof gray, ENDO_GRAY8, pair.left.data(), width, height, 0};
+  CHECK(endo_predict(estimator.get(), &gray, &gray, &turned.result) == ENDO_OK);
+  CHECK(std::fabs(middle(turned.disparity)) < 0.5f);
+}
+
+void the_rectified_pair_can_be_seen(const Places& at) {
+  const Opened estimator(at);
+  const Pair pair(width, height, 9);
+  std::vector<uint8_t> left(3 * pixels);
+  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "endo_predict");
+  Output out(pixels);
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, 5), ENDO_INVALID_ARGUMENT, "capacity");
+  CHECK(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()) == ENDO_OK);
+  CHECK(left == pair.left);
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "endo_predict");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  finds_the_disparity_of_a_plane(at);
+  a_rig_gives_depth(at);
+  surfaces_nearer_than_the_last_plane_are_out_of_range(at);
+  every_layout_of_a_frame_gives_the_same(at);
+  the_rectified_pair_can_be_seen(at);
+}

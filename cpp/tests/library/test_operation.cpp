@@ -1,0 +1,134 @@
+// A device at work: late frames, logs, diagnostics, cancelling, several threads, and the C++ wrapper.
+#include <endosdk/endosdk.hpp>
+
+#include <atomic>
+#include <cmath>
+#include <thread>
+
+#include "frame.hpp"
+
+namespace {
+
+void late_frames_are_marked_and_logged(const Places& at) {
+  struct Lines {
+    std::vector<std::string> seen;
+    static void add(void* self, int32_t, const char* line) { static_cast<Lines*>(self)->seen.emplace_back(line); }
+  } lines;
+  endo_options options = default_options(at);
+  options.deadline_ms = 1e-6;
+  options.log = Lines::add;
+  options.log_context = &lines;
+  const Opened estimator(at, options);
+  Output out(pixels);
+  CHECK(estimator.predict(Pair(width, height, 9), out) == ENDO_OK && out.result.late == 1);
+  CHECK(lines.seen.size() == 1 && lines.seen[0].find("late") != std::string::npos);
+}
+
+void an_exception_of_the_host_does_not_cross(const Places& at) {
+  endo_options options = default_options(at);
+  options.log = [](void*, int32_t, const char*) { throw 5; };
+  options.log_level = ENDO_LOG_INFO;
+  endo_estimator* handle = nullptr;
+  expect(endo_open_file(at.model.c_str(), &options, &handle), ENDO_INTERNAL, "unknown");
+}
+
+void diagnostics_fit_or_say_so(const Places& at) {
+  const Opened estimator(at);
+  size_t needed = 0;
+  CHECK(endo_get_diagnostics(estimator.get(), nullptr, 0, &needed) == ENDO_OK && needed > 100);
+  std::vector<char> text(needed);
+  expect(endo_get_diagnostics(estimator.get(), text.data(), 10, nullptr), ENDO_INVALID_ARGUMENT, "size");
+  CHECK(text[0] == '\0');
+  CHECK(endo_get_diagnostics(estimator.get(), text.data(), text.size(), nullptr) == ENDO_OK);
+  CHECK(std::strlen(text.data()) + 1 == needed && std::strstr(text.data(), "\"onnxruntime_telemetry\":\"off\"") != nullptr);
+  CHECK(std::string(endo_status_name(99)) == "UNKNOWN");
+}
+
+void a_running_frame_can_be_cancelled(const Places& at) {
+  const Opened estimator(at);
+  constexpr int w = 1280;
+  constexpr int h = 960;
+  const Pair pair(w, h, 9);
+  Output out(size_t{w} * h);
+  std::atomic<bool> finished{false};
+  CHECK(endo_cancel(estimator.get()) == ENDO_OK);  // nothing runs: nothing happens
+  std::thread canceller([&] {
+    while (!finished) {
+      endo_cancel(estimator.get());
+      std::this_thread::yield();
+    }
+  });
+  const endo_status status = estimator.predict(pair, out);
+  finished = true;
+  canceller.join();
+  expect(status, ENDO_CANCELLED, "endo_cancel");
+  CHECK(out.result.quality == ENDO_QUALITY_INVALID && std::isnan(out.disparity[5]));
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+}
+
+// Frames of several threads, on an estimator each or on a shared one, must not differ from those of one thread.
+void threads_do_not_disturb_each_other(const Places& at, bool shared) {
+  constexpr int frames = 30;
+  endo_options options = default_options(at);
+  options.threads = 2;
+  const Opened first(at, options);
+  const Opened second(at, options);
+  const endo_calibration rig = raw_rig(width, height);
+  for (const Opened* one : {&first, &second}) CHECK(endo_set_calibration(one->get(), &rig) == ENDO_OK);
+  const Pair pairs[2] = {{width, height, 5}, {width, height, 9}};
+  Output wanted[2] = {Output(pixels, true), Output(pixels, true)};
+  for (int i = 0; i < 2; ++i) CHECK(first.predict(pairs[i], wanted[i]) == ENDO_OK);
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 2; ++i) {
+    threads.emplace_back([&, i] {
+      const Opened& estimator = shared || i == 0 ? first : second;
+      Output out(pixels, true);
+      for (int frame = 0; frame < frames; ++frame) {
+        CHECK(estimator.predict(pairs[i], out) == ENDO_OK);
+        CHECK(out.disparity == wanted[i].disparity && out.reasons == wanted[i].reasons);
+        CHECK(std::memcmp(out.depth.data(), wanted[i].depth.data(), pixels * sizeof(float)) == 0);
+        if (frame == frames / 2) CHECK(endo_self_test(estimator.get()) == ENDO_OK);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+}
+
+void the_wrapper_throws_and_frees(const Places& at) {
+  endo::Options options;
+  options.runtime_library = at.runtime.c_str();
+  endo::Estimator opened = endo::Estimator::open(at.model, options);
+  endo::Estimator estimator = std::move(opened);
+  estimator.set_calibration(raw_rig(width, height));
+  CHECK(estimator.geometry().baseline_mm > 4.0);
+  estimator.prepare(width, height);
+  const Pair pair(width, height, 9);
+  endo::Maps maps(width, height, endo::Maps::metric);
+  estimator.predict(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
+  CHECK(maps.result.frame == 1 && maps.depth.size() == pixels);
+  estimator.remove_calibration();
+  endo_status status = ENDO_OK;
+  try {
+    estimator.predict(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
+  } catch (const endo::Error& error) {
+    status = error.status();
+    CHECK(std::strstr(error.what(), "CALIBRATION_REQUIRED") != nullptr);
+  }
+  CHECK(status == ENDO_CALIBRATION_REQUIRED);
+  estimator.self_test();
+  estimator.cancel();
+  CHECK(estimator.diagnostics().front() == '{' && estimator.diagnostics().back() == '}');
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  late_frames_are_marked_and_logged(at);
+  an_exception_of_the_host_does_not_cross(at);
+  diagnostics_fit_or_say_so(at);
+  a_running_frame_can_be_cancelled(at);
+  threads_do_not_disturb_each_other(at, false);
+  threads_do_not_disturb_each_other(at, true);
+  the_wrapper_throws_and_frees(at);
+}

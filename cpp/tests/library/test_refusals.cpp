@@ -1,0 +1,144 @@
+// What is refused: openings, rigs and frames that cannot be right. A refused call changes nothing.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "frame.hpp"
+
+namespace {
+
+// What opening can go wrong with, and that nothing is left behind.
+void bad_openings_are_refused(const Places& at) {
+  const auto refused = [&](auto change, endo_status status, const char* word) {
+    endo_options options = default_options(at);
+    change(options);
+    endo_estimator* handle = reinterpret_cast<endo_estimator*>(&options);
+    expect(endo_open_file(at.model.c_str(), &options, &handle), status, word);
+    CHECK(handle == nullptr);
+  };
+  using O = endo_options;
+  refused([](O& o) { o.runtime_library = "/no/such/libonnxruntime.so"; }, ENDO_RUNTIME_MISSING, "/no/such/");
+  refused([](O& o) { o.runtime_library = "libm.so.6"; }, ENDO_RUNTIME_MISSING, "another library");
+  refused([](O& o) { o.provider = "cuda"; }, ENDO_PROVIDER_UNAVAILABLE, "cuda");
+  refused([](O& o) { o.provider = ""; }, ENDO_PROVIDER_UNAVAILABLE, "provider");
+  static const std::string zeros(64, '0');
+  refused([](O& o) { o.model_sha256 = "abc"; }, ENDO_INVALID_ARGUMENT, "hexadecimal");
+  refused([](O& o) { o.model_sha256 = zeros.c_str(); }, ENDO_MODEL_HASH_MISMATCH, "SHA-256");
+  refused([](O& o) { o.threads = -1; }, ENDO_INVALID_ARGUMENT, "threads");
+  refused([](O& o) { o.spinning = 2; }, ENDO_INVALID_ARGUMENT, "spinning");
+  refused([](O& o) { o.log_level = 0; }, ENDO_INVALID_ARGUMENT, "log_level");
+  refused([](O& o) { o.network_width = 64; }, ENDO_INVALID_ARGUMENT, "network_width");
+  refused([](O& o) { o.min_confidence = 1.5; }, ENDO_INVALID_ARGUMENT, "min_confidence");
+  refused([](O& o) { o.min_confidence = std::nan(""); }, ENDO_INVALID_ARGUMENT, "min_confidence");
+  refused([](O& o) { o.min_depth_mm = -1; }, ENDO_INVALID_ARGUMENT, "min_depth_mm");
+  refused([](O& o) { o.max_depth_mm = 0; }, ENDO_INVALID_ARGUMENT, "max_depth_mm");
+  refused([](O& o) { o.depth_unit_mm = 0; }, ENDO_INVALID_ARGUMENT, "depth_unit_mm");
+  refused([](O& o) { o.deadline_ms = -1; }, ENDO_INVALID_ARGUMENT, "deadline_ms");
+  refused([](O& o) { o.struct_size = 5; }, ENDO_INVALID_ARGUMENT, "struct_size");
+  refused([](O& o) { o.struct_size = ~0u; }, ENDO_INVALID_ARGUMENT, "struct_size");
+
+  const endo_options options = default_options(at);
+  endo_estimator* handle = nullptr;
+  expect(endo_open_file("/no/such/model.onnx", &options, &handle), ENDO_MODEL_NOT_FOUND, "/no/such/model.onnx");
+  expect(endo_open_file("/", &options, &handle), ENDO_MODEL_NOT_FOUND, "path");
+  expect(endo_open_file(nullptr, &options, &handle), ENDO_INVALID_ARGUMENT, "path");
+  expect(endo_open_memory(nullptr, 5, &options, &handle), ENDO_INVALID_ARGUMENT, "data");
+  expect(endo_open_memory("onnx", 4, &options, &handle), ENDO_MODEL_UNREADABLE, "model");
+  expect(endo_open_file(at.model.c_str(), &options, nullptr), ENDO_INVALID_ARGUMENT, "estimator");
+  endo_close(nullptr);
+}
+
+// A caller compiled against a later header whose structs have grown.
+void structs_may_be_longer_than_this_library_knows(const Places& at) {
+  struct Later {
+    endo_options known;
+    uint64_t added;
+  } later{default_options(at), 0};
+  later.known.struct_size = sizeof later;
+  endo_estimator* handle = nullptr;
+  CHECK(endo_open_file(at.model.c_str(), &later.known, &handle) == ENDO_OK);
+  endo_close(handle);
+  later.added = 1;
+  expect(endo_open_file(at.model.c_str(), &later.known, &handle), ENDO_INVALID_ARGUMENT, "newer");
+  CHECK(endo_options_init(&later.known, sizeof later) == ENDO_OK);
+  CHECK(later.known.struct_size == sizeof later && later.added == 0);
+}
+
+void bad_calibrations_are_refused_and_change_nothing(const Places& at) {
+  const Opened estimator(at);
+  const endo_calibration good = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &good) == ENDO_OK);
+  const auto refused = [&](auto change, endo_status status, const char* word) {
+    endo_calibration bad = good;
+    change(bad);
+    expect(endo_set_calibration(estimator.get(), &bad), status, word);
+  };
+  using Rig = endo_calibration;
+  refused([](Rig& r) { r.translation[0] = 4.6; }, ENDO_INVALID_CALIBRATION, "negative x");
+  refused([](Rig& r) { r.translation[0] = 0; r.translation[1] = 0; }, ENDO_INVALID_CALIBRATION, "zero");
+  refused([](Rig& r) { r.translation[1] = 9; }, ENDO_INVALID_CALIBRATION, "vertical");
+  refused([](Rig& r) { r.translation[2] = 9; }, ENDO_INVALID_CALIBRATION, "in front");
+  refused([](Rig& r) { r.left_matrix[0] = 0; }, ENDO_INVALID_CALIBRATION, "left_matrix");
+  refused([](Rig& r) { r.right_matrix[1] = 1; }, ENDO_INVALID_CALIBRATION, "skew");
+  refused([](Rig& r) { r.left_distortion[2] = std::nan(""); }, ENDO_INVALID_CALIBRATION, "left_distortion");
+  refused([](Rig& r) { r.right_distortion_count = 9; }, ENDO_INVALID_CALIBRATION, "coefficients");
+  refused([](Rig& r) { r.camera_model = ENDO_FISHEYE; }, ENDO_INVALID_CALIBRATION, "fisheye");
+  refused([](Rig& r) { r.camera_model = 7; }, ENDO_INVALID_CALIBRATION, "camera_model");
+  refused([](Rig& r) { r.rotation[0] = 1.1; }, ENDO_INVALID_CALIBRATION, "orthonormal");
+  refused([](Rig& r) { r.rotation[0] = -1; }, ENDO_INVALID_CALIBRATION, "mirrors");
+  refused([](Rig& r) { r.width = 0; }, ENDO_INVALID_ARGUMENT, "size");
+  refused([](Rig& r) { r.struct_size = 8; }, ENDO_INVALID_ARGUMENT, "struct_size");
+  Output out(pixels, true);
+  CHECK(estimator.predict(Pair(width, height, 9), out) == ENDO_OK);
+}
+
+void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
+  const Opened estimator(at);
+  const Pair pair(width, height, 9);
+  Output out(pixels);
+  const auto refused = [&](auto change, const char* word) {
+    endo_image left = pair.left_image();
+    endo_image right = pair.right_image();
+    endo_result result = out.result;
+    change(left, right, result);
+    CHECK(estimator.predict(pair, out) == ENDO_OK);  // something to be stale
+    expect(endo_predict(estimator.get(), &left, &right, &result), ENDO_INVALID_ARGUMENT, word);
+  };
+  refused([](endo_image& l, endo_image&, endo_result&) { l.data = nullptr; }, "left");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.format = 9; }, "endo_pixel_format");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.width = -1; }, "left");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.stride = 3; }, "left");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.stride = std::numeric_limits<int64_t>::min(); }, "2 GiB");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.struct_size = 3; }, "struct_size");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.width = l.height = 100000; }, "right");
+  refused([](endo_image&, endo_image& r, endo_result&) { r.height -= 1; }, "size of left");
+  refused([](endo_image&, endo_image& r, endo_result&) { r.format = ENDO_BGR8; }, "format of left");
+  refused([](endo_image&, endo_image&, endo_result& o) { o.capacity = 100; }, "capacity");
+  CHECK(out.confidence[50] == 0.0f && out.confidence[pixels - 1] > 0.0f);  // no further than the capacity given
+  refused([](endo_image&, endo_image&, endo_result& o) { o.capacity = ~uint64_t{0}; }, "capacity");
+  refused([](endo_image&, endo_image&, endo_result& o) { o.struct_size = 0; }, "struct_size");
+
+  const endo_image left = pair.left_image();
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+  expect(endo_predict(estimator.get(), &left, nullptr, &out.result), ENDO_INVALID_ARGUMENT, "right");
+  CHECK(out.result.quality == ENDO_QUALITY_INVALID && out.result.frame == 0 && out.result.valid_share == 0.0);
+  CHECK(std::all_of(out.disparity.begin(), out.disparity.end(), [](float d) { return std::isnan(d); }));
+  CHECK(std::all_of(out.confidence.begin(), out.confidence.end(), [](float c) { return c == 0.0f; }));
+  CHECK(std::all_of(out.reasons.begin(), out.reasons.end(), [](int r) { return r == ENDO_REASON_LOW_CONFIDENCE; }));
+  CHECK(std::all_of(out.disparity_u16.begin(), out.disparity_u16.end(), [](int d) { return d == 0; }));
+  expect(endo_predict(estimator.get(), &left, &left, nullptr), ENDO_INVALID_ARGUMENT, "result");
+  expect(endo_predict(nullptr, &left, &left, &out.result), ENDO_INVALID_ARGUMENT, "estimator");
+  expect(endo_prepare(estimator.get(), 0, 5), ENDO_INVALID_ARGUMENT, "size");
+  expect(endo_prepare(estimator.get(), 100000, 100000), ENDO_INVALID_ARGUMENT, "size");
+  CHECK(estimator.predict(pair, out) == ENDO_OK && std::fabs(middle(out.disparity) - 9.0f) < 0.5f);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  bad_openings_are_refused(at);
+  structs_may_be_longer_than_this_library_knows(at);
+  bad_calibrations_are_refused_and_change_nothing(at);
+  bad_frames_are_refused_and_read_as_no_answer(at);
+}
