@@ -23,6 +23,11 @@ from benchmarks.record import machine_record
 
 ROOT = Path(__file__).resolve().parents[1]
 TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
+TIMED = (  # model, width, height, frames
+    (TINY_MODEL, 640, 480, 60),
+    (ROOT / "models" / "fast.onnx", 960, 720, 200),
+    (ROOT / "models" / "wang2020.onnx", 960, 720, 6),
+)
 FUZZERS = {"model": 16384, "calibration": 392, "frame": 80}  # and the longest input of each, bytes
 
 
@@ -60,14 +65,12 @@ def steadiness(arguments: argparse.Namespace) -> dict[str, Any]:
     return dict(json.loads(run(program, runtime_of(build), TINY_MODEL, str(arguments.frames))))
 
 
-def overhead(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+def overhead(_: argparse.Namespace) -> list[dict[str, Any]]:
     """A frame of the library against its parts called directly, in turns."""
     build = built("release")
     program = build / "cpp" / "tests" / "library" / "library_overhead"
     results = []
-    for model, width, height, frames in ((TINY_MODEL, 640, 480, 100), (arguments.model, 960, 720, 12)):
-        if not model.is_file():
-            continue
+    for model, width, height, frames in TIMED:
         for threads in (1, 2):
             say(f"overhead: {model.name}, {width}x{height}, {threads} threads")
             numbers = run(program, runtime_of(build), model, str(width), str(height), str(frames), str(threads))
@@ -131,9 +134,6 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--frames", type=int, default=20000)
     parser.add_argument("--fuzz-seconds", type=int, default=600)
-    parser.add_argument(
-        "--model", type=Path, default=ROOT / "models" / "wang2020.onnx", help="second model of overhead"
-    )
     arguments = parser.parse_args()
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     record = json.loads(arguments.json.read_text()) if arguments.json.is_file() else {}
