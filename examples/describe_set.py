@@ -1,0 +1,82 @@
+"""Count what a data set holds: ``python examples/describe_set.py SET SPLIT [HISTOGRAM.png]``; prints numbers as JSON.
+
+The picture is the share of pixels at each disparity.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from endosdk.dataset import DatasetReader, open_dataset
+
+EDGES_PX = np.arange(0.0, 72.0, 2.0)
+BAR, HEIGHT, MARGIN = 20, 240, 34
+BLUE, BLACK = (170, 90, 30), (0, 0, 0)  # as OpenCV orders channels
+
+
+def describe(reader: DatasetReader) -> dict[str, Any]:
+    """Return counts and disparities, in px, over all samples; shares are of all pixels, or of those with truth."""
+    organs: Counter[str] = Counter()
+    counts = np.zeros(len(EDGES_PX) - 1, np.int64)
+    tools = pixels = known_pixels = occluded = 0
+    least, most, means = [], [], []
+    for sample in reader:
+        known = sample.disparity[np.isfinite(sample.disparity)]
+        organs[sample.info["organ"]] += 1
+        tools += sample.info["scene"]["instrument"] is not None
+        counts += np.histogram(known, EDGES_PX)[0]
+        pixels += sample.disparity.size
+        known_pixels += known.size
+        occluded += 0 if sample.occlusion is None else int(sample.occlusion.sum())
+        least.append(float(known.min()))
+        most.append(float(known.max()))
+        means.append(float(known.mean()))
+    return {
+        "pairs": len(means),
+        "organs": dict(organs),
+        "with_tool": tools,
+        "disparity_px": {"least": min(least), "most": max(most), "mean": float(np.mean(means))},
+        "mean_disparity_of_a_pair_px": [min(means), max(means)],
+        "without_truth": 1.0 - known_pixels / pixels,
+        "occluded": occluded / pixels,
+        "histogram": {"edges_px": EDGES_PX.tolist(), "share": (counts / known_pixels).round(5).tolist()},
+    }
+
+
+def draw(shares: np.ndarray) -> np.ndarray:
+    """Return a bar chart [H,W,3] of the share of pixels at each disparity."""
+    chart = np.full((HEIGHT + 2 * MARGIN, BAR * len(shares) + 2 * MARGIN, 3), 255, np.uint8)
+    floor = MARGIN + HEIGHT
+    for k, share in enumerate(shares):
+        left = MARGIN + k * BAR
+        top = floor - round(HEIGHT * share / shares.max())
+        cv2.rectangle(chart, (left + 1, top), (left + BAR - 2, floor), BLUE, -1)
+        if k % 5 == 0:
+            _write(chart, f"{EDGES_PX[k]:.0f}", (left - 6, floor + 18))
+    _write(chart, f"share of pixels by disparity in px; tallest bar {100 * shares.max():.1f} %", (MARGIN, 22))
+    return chart
+
+
+def _write(chart: np.ndarray, text: str, place: tuple[int, int]) -> None:
+    cv2.putText(chart, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, BLACK, 1, cv2.LINE_AA)
+
+
+def main(root: str, split: str, picture: str | None = None) -> None:
+    """Print the description; draw the histogram where a picture is named."""
+    reader = open_dataset(root, split)
+    facts = {"name": reader.name, "split": split, "sha256": reader.sha256, **describe(reader)}
+    print(json.dumps(facts, indent=1))
+    if picture is not None:
+        Path(picture).parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(picture, draw(np.asarray(facts["histogram"]["share"])))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:4])
