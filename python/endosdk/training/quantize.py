@@ -21,10 +21,11 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from tqdm import tqdm
 
 from endosdk.dataset import DatasetReader
-from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.errors import InvalidArgument
 from endosdk.training.data import planar
 from endosdk.training.evaluate import pad_to_multiple
 from endosdk.training.frame_size import reduced_view, reduction
+from endosdk.training.model_file import write_model
 
 WIDE = 16  # channels from which a convolution fills the integer units
 # Operators that only move values, between a convolution and the addition of its result.
@@ -66,7 +67,7 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
     del quantised.metadata_props[:]
     onnx.helper.set_model_props(quantised, properties)
     onnx.checker.check_model(quantised, full_check=True)
-    _write(quantised, out)
+    write_model(quantised, out)
 
 
 def describe_quantised(path: Path, name: str, test: dict[str, Any]) -> None:
@@ -80,16 +81,7 @@ def describe_quantised(path: Path, name: str, test: dict[str, Any]) -> None:
     }
     del model.metadata_props[:]
     onnx.helper.set_model_props(model, properties)
-    _write(model, path)
-
-
-def _write(model: onnx.ModelProto, out: Path) -> None:
-    partial = out.with_name(out.name + ".partial")
-    try:
-        partial.write_bytes(model.SerializeToString(deterministic=True))
-        partial.replace(out)
-    except OSError as error:
-        raise StorageFailed("out", "must be writable", f"{out} ({error.strerror})") from error
+    write_model(model, path)
 
 
 def read_bytes_directly(graph: onnx.GraphProto) -> None:
