@@ -1,6 +1,6 @@
 """Error against time of many methods on the same pairs in the same run, and the picture of it.
 
-    python -m benchmarks.front --data DIR --pairs 20 --threads 2 --models fast small=runs/small.onnx \
+    python -m benchmarks.front --data DIR --pairs 20 --threads 2 --models fast small=runs/small.onnx wide=fast@640x480 \
         --json benchmarks/results/front.json --figure docs/images/front.png
 
 Models go the whole way from frame to full-size maps; StereoSGBM and StereoBM are timed for their matching alone, and
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from benchmarks.record import machine_record
 from endosdk.baseline import fill_holes
@@ -27,6 +28,15 @@ BM_BLOCK = 21  # px, the default of OpenCV
 BM_DISPARITIES = 80  # as many as StereoSGBM searches here
 
 
+def named_model(entry: str, threads: int) -> tuple[str, Method]:
+    """Return the name and the method of ``NAME[=FILE][@WxH]``; the size is that at which frames are seen."""
+    name, _, rest = entry.partition("=")
+    file, _, size = (rest or name).partition("@")
+    width, _, height = size.partition("x")
+    network_size = (int(width), int(height)) if size else None
+    return name, estimator_method(file, threads=threads, network_size=network_size)
+
+
 def bm_method() -> Method:
     """Return the method that is StereoBM with its holes filled."""
     matcher = cv2.StereoBM.create(BM_DISPARITIES, BM_BLOCK)
@@ -34,9 +44,9 @@ def bm_method() -> Method:
     def answer(sample: Sample) -> Answer:
         gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (sample.left, sample.right)]
         started = time.perf_counter()
-        found = matcher.compute(*gray).astype("float32") / 16.0
+        found = matcher.compute(*gray).astype(np.float32) / np.float32(16.0)
         elapsed = 1e3 * (time.perf_counter() - started)
-        found[found <= 0] = float("nan")
+        found[found <= 0] = np.float32(np.nan)
         return Answer(fill_holes(found), milliseconds=elapsed)
 
     return answer
@@ -68,14 +78,14 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
     parser.add_argument("--pairs", type=int, default=20, help="first so many pairs of the test split")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--models", nargs="+", required=True, metavar="NAME[=FILE]")
+    parser.add_argument("--models", nargs="+", required=True, metavar="NAME[=FILE][@WxH]")
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--figure", type=Path, required=True)
     args = parser.parse_args()
     cv2.setNumThreads(args.threads)
     reader = open_dataset(args.data, "test")
-    named = dict(entry.split("=", 1) if "=" in entry else (entry, entry) for entry in args.models)
-    methods: dict[str, Method] = {name: estimator_method(file, threads=args.threads) for name, file in named.items()}
+    methods: dict[str, Method] = dict(named_model(entry, args.threads) for entry in args.models)
+    named = list(methods)
     methods |= {"sgbm": sgbm_method(filled=True), "bm": bm_method()}
     points: dict[str, dict[str, Any]] = {}
     for name, method in methods.items():
