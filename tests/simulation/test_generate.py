@@ -126,6 +126,47 @@ def test_a_recipe_names_what_is_wrong(name: str, value: object) -> None:
         Recipe(**{name: value})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        (("--width", "100000"), "width: must be within 16..4096 pixels"),
+        (("--height", "1000"), "height: must be within 1/4..4 times the width"),
+        (("--focal", "1e9"), "focal_px: must be within 0.1..10.0 times the width"),
+        (("--baseline", "0"), "baseline_mm: must be within 0.1..100.0 mm"),
+        (("--min-disparity", "5"), "limits: "),
+        (("--max-disparity", "33"), "limits: the largest disparity must be at most half the width"),
+        (("--video", "--frames", "0"), "frames: must be at least 1"),
+    ],
+)
+def test_impossible_ranges_are_refused_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], rule: str
+) -> None:
+    assert simulate(tmp_path / "set", *words) == 2
+    assert rule in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_an_interrupted_run_says_how_to_go_on(renderer: object, tmp_path: Path, workers: str) -> None:
+    out = tmp_path / "set"
+    program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["simulate", "--out", str(out), *SMALL, "--pairs", "40", "--workers", workers]
+    run = subprocess.Popen(
+        [sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    limit = time.monotonic() + 120
+    while not list(out.glob("train/*")):
+        assert run.poll() is None
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does to all of its processes
+    said = run.communicate(timeout=120)[1]
+    assert run.returncode == 130
+    assert "Traceback" not in said
+    assert said.endswith(f"endosdk simulate: stopped; the same command continues {out}\n")
+    assert not (out / "dataset.json").exists()
+
+
 def test_no_worker_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match=r"^workers: "):
         generate(tmp_path, Recipe(pairs=1), workers=0)

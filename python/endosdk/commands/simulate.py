@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from endosdk.simulation.recipe import Recipe
 
+INTERRUPTED = 130  # the exit status of a program stopped by control-C
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
@@ -78,15 +80,19 @@ def _check(root: Path) -> int:
 def _render(args: argparse.Namespace) -> int:
     from endosdk.simulation.generate import generate
 
-    record = generate(
-        args.out, _recipe(args), args.workers, progress=True, cycles_python=args.cycles_python, ray=args.ray
-    )
+    recipe = _recipe(args)
+    try:
+        record = generate(args.out, recipe, args.workers, progress=True, cycles_python=args.cycles_python, ray=args.ray)
+    except KeyboardInterrupt:
+        print(f"endosdk simulate: stopped; the same command continues {args.out}", file=sys.stderr)
+        return INTERRUPTED
     counts = {split: len(ids) for split, ids in record["samples"].items()}
     print(f"{args.out}: {counts['train']} training and {counts['test']} test pairs", file=sys.stderr)
     return 0
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:
+    from endosdk.errors import InvalidArgument
     from endosdk.simulation.camera import StereoCamera
     from endosdk.simulation.effects import Effects
     from endosdk.simulation.recipe import Recipe, published
@@ -94,6 +100,8 @@ def _recipe(args: argparse.Namespace) -> Recipe:
 
     if args.recipe is not None:
         return published(args.recipe).recipe
+    if args.video and args.frames < 1:
+        raise InvalidArgument("frames", "must be at least 1 for a video", args.frames)
     return Recipe(
         organ=args.organ,
         pairs=args.pairs,

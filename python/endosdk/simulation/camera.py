@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.curve import Floats
 
+LARGEST_SIDE = 4096  # drawn at twice that, which every OpenGL can
+LONGEST = 4  # ratio of the sides
+WIDEST, NARROWEST = 0.1, 10.0  # focal length as a share of the width
+BASELINES_MM = (0.1, 100.0)
+
 
 @dataclass(frozen=True)
 class StereoCamera:
@@ -26,11 +31,16 @@ class StereoCamera:
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
-            if getattr(self, name) < 16:
-                raise InvalidArgument(name, "must be at least 16 pixels", getattr(self, name))
-        for name in ("focal_px", "baseline_mm"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InvalidArgument(name, "must be positive", getattr(self, name))
+            if not 16 <= getattr(self, name) <= LARGEST_SIDE:
+                raise InvalidArgument(name, f"must be within 16..{LARGEST_SIDE} pixels", getattr(self, name))
+        if not 1.0 / LONGEST <= self.height / self.width <= LONGEST:
+            raise InvalidArgument("height", f"must be within 1/{LONGEST}..{LONGEST} times the width", self.height)
+        if not WIDEST <= self.focal_px / self.width <= NARROWEST:
+            rule = f"must be within {WIDEST}..{NARROWEST} times the width"
+            raise InvalidArgument("focal_px", rule, self.focal_px)
+        if not BASELINES_MM[0] <= self.baseline_mm <= BASELINES_MM[1]:
+            rule = f"must be within {BASELINES_MM[0]}..{BASELINES_MM[1]} mm"
+            raise InvalidArgument("baseline_mm", rule, self.baseline_mm)
 
     @property
     def matrix(self) -> Floats:

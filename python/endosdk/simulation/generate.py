@@ -35,9 +35,10 @@ def generate(
     if workers < 1:
         raise InvalidArgument("workers", "must be at least 1", workers)
     job = Job(Path(root).resolve(), recipe, cycles_python)
-    job.check()
-    _claim(job.root, recipe)
     missing = [task for task in recipe.tasks() if not job.is_done(task)]
+    if missing:
+        job.check()
+    _claim(job.root, recipe)
     if missing:
         (job.root / "dataset.json").unlink(missing_ok=True)
         _render_all(job, missing, workers, progress, ray)

@@ -50,6 +50,9 @@ class Recipe:
             raise InvalidArgument("pairs", "at least one pair must be asked for", 0)
         if not 0 <= self.seed < 10_000:
             raise InvalidArgument("seed", "must be within 0..9999", self.seed)
+        if self.limits.largest > 0.5 * self.camera.width:
+            rule = f"the largest disparity must be at most half the width of {self.camera.width} px"
+            raise InvalidArgument("limits", rule, self.limits.largest)
         if not 0 <= self.frames <= MOST_FRAMES:
             raise InvalidArgument("frames", f"must be within 0..{MOST_FRAMES}", self.frames)
         if self.frames and self.rig != "ideal":

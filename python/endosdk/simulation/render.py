@@ -43,9 +43,10 @@ class Job:
         )
 
     def check(self) -> None:
-        """Raise RendererUnavailable now, rather than in a worker, where Blender is missing."""
+        """Raise RendererUnavailable or DependencyMissing before anything is written where the renderer cannot start."""
         if self.recipe.renderer == "cycles":
             find_python(self.cycles_python)
+        Rasteriser().close()
 
 
 def start_renderer(job: Job) -> Renderer:

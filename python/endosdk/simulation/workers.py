@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from multiprocessing import get_context
 from typing import Any
 
@@ -29,7 +31,9 @@ def render_here(job: Job, tasks: list[Task]) -> Iterator[int]:
 def render_apart(job: Job, tasks: list[Task], workers: int) -> Iterator[int]:
     """Render in several processes; yield the number of samples as tasks are finished."""
     # Each process starts afresh: an OpenGL context does not survive a fork.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    # Control-C reaches them too: they finish what they draw, and this process stops.
+    quiet = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=quiet) as pool:
         futures = [pool.submit(_work, job, task) for task in tasks]
         try:
             for future in as_completed(futures):
