@@ -280,12 +280,21 @@ def _flush(path: Path) -> None:
 def write_record(root: Path, record: dict[str, Any]) -> None:
     """Write ``dataset.json``, which declares the set complete."""
     try:
-        partial = root / ".partial-dataset.json"
-        partial.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
-        _flush(partial)
-        partial.replace(root / "dataset.json")
+        replace_text(root / "dataset.json", json.dumps(record, indent=1, sort_keys=True) + "\n")
     except OSError as error:
         raise StorageFailed("out", "dataset.json must be writable", f"{root}: {error}") from error
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file that is there whole or not at all. Raises OSError."""
+    partial = path.with_name(f".partial-{path.name}")
+    try:
+        partial.write_text(text)
+        _flush(partial)
+        partial.replace(path)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise
 
 
 def hash_sample(folder: Path) -> str:

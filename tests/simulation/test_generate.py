@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -165,6 +168,91 @@ def test_an_interrupted_run_says_how_to_go_on(renderer: object, tmp_path: Path, 
     assert "Traceback" not in said
     assert said.endswith(f"endosdk simulate: stopped; the same command continues {out}\n")
     assert not (out / "dataset.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        (("--recipe", "endosim-gi", "--pairs", "3", "--chroma"), "so leave out the rest; got --pairs, --chroma"),
+        (("--frames", "3"), "frames: are those of a video; add --video"),
+    ],
+)
+def test_a_setting_that_would_not_count_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], rule: str
+) -> None:
+    assert main(["simulate", "--out", str(tmp_path / "set"), *words]) == 2
+    assert rule in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
+
+
+@pytest.fixture
+def room() -> Iterator[Callable[[int], None]]:
+    """Limit how many bytes a file may have: what a full disk does, without one."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_leaves_nothing_half_written(
+    whole: Path, tmp_path: Path, room: Callable[[int], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "set"
+    room(100)
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
+    assert "out: the folder must be writable" in capsys.readouterr().err
+    assert not list(out.iterdir())
+    room(2000)
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
+    assert "out: the sample must be writable" in capsys.readouterr().err
+    assert [path.name for path in out.iterdir()] == ["recipe.json"]
+    room(100_000_000)
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
+
+
+def test_a_run_goes_on_after_the_disk_was_full_at_its_start(whole: Path, tmp_path: Path) -> None:
+    (tmp_path / ".partial-recipe.json").write_text("")
+    assert simulate(tmp_path, "--pairs", "1") == 0
+    assert not list(tmp_path.glob(".partial*"))
+
+
+def test_a_damaged_sample_is_named(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "set"
+    shutil.copytree(whole, out)
+    damaged = out / "train" / f"{3 * SEED_BLOCK:09d}"
+    (damaged / "sample.json").unlink()
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
+    assert f"delete its folder, and the same command renders it again; got {damaged}" in capsys.readouterr().err
+    shutil.rmtree(damaged)
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
+
+
+def test_workers_end_when_their_run_is_killed(renderer: object, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["simulate", "--out", str(out), *SMALL, "--pairs", "400", "--workers", "2"]
+    run = subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL)
+    limit = time.monotonic() + 120
+    while not list(out.glob("train/*")):
+        assert run.poll() is None
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+    workers = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
+    assert len(workers) >= 2
+    run.kill()
+    run.wait()
+    while any(_runs(pid) for pid in workers):
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+
+
+def _runs(pid: int) -> bool:
+    """Return whether a process is there and has not ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 def test_no_worker_is_refused(tmp_path: Path) -> None:

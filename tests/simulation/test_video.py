@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import shutil
 from pathlib import Path
 
@@ -84,3 +85,23 @@ def test_a_flight_is_smooth() -> None:
     axes = np.stack([flight.pose(frame).axes for frame in range(50)])
     turns = np.degrees(np.arccos(np.clip((np.einsum("nij,nij->n", axes[1:], axes[:-1]) - 1) / 2, -1, 1)))
     assert turns.max() < 3.0
+
+
+def test_a_film_that_the_disk_cannot_hold_is_no_film(
+    out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = tmp_path / "set"
+    shutil.copytree(out, again)
+    (again / "dataset.json").unlink()
+    film_file = again / "videos" / "train-003000000.mp4"
+    size = film_file.stat().st_size
+    film_file.unlink()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, before[1]))
+    try:
+        assert main(["simulate", "--out", str(again), *WORDS]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "out: the video must be writable" in capsys.readouterr().err
+    assert not film_file.exists()
+    assert not list(again.glob(".partial*"))

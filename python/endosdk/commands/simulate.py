@@ -5,12 +5,33 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from endosdk.simulation.recipe import Recipe
 
 INTERRUPTED = 130  # the exit status of a program stopped by control-C
+
+# What describes a set, which a published recipe settles: usual value and meaning.
+_SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
+    "organ": ("mix", "intestine, stomach, ducts, abdomen, gi (the first three) or mix"),
+    "pairs": (100, "training pairs, or videos"),
+    "test_pairs": (0, "test pairs, of other seeds"),
+    "seed": (1, "0..9999; another seed is another set"),
+    "renderer": ("gl", "gl: OpenGL through EGL; cycles: Blender, path traced"),
+    "rig": ("ideal", "ideal, or raw: add distorted, misaligned views and rig.json"),
+    "width": (960, "pixels"),
+    "height": (720, "pixels"),
+    "focal": (400.0, "focal length in pixels"),
+    "baseline": (10.0, "mm between the lenses"),
+    "min_disparity": (2.0, "px, aimed at"),
+    "max_disparity": (69.5, "px, never exceeded"),
+    "video": (False, "move along the path: every pair becomes a video of frames"),
+    "frames": (100, "of each video, 25 a second"),
+    "shutter": (0.0, "video: share of the frame time it is open"),
+    "motion_blur": (0.0, "pairs: longest streak in px"),
+    "chroma": (False, "one colour for four pixels, as in 4:2:0 video"),
+}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -20,33 +41,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
-        "--recipe", metavar="NAME", help="a published set, such as endosim-gi; settles all that follows"
+        "--recipe", metavar="NAME", help="a published set, such as endosim-gi; settles all that describes a set"
     )
-    parser.add_argument(
-        "--organ", default="mix", help="intestine, stomach, ducts, abdomen, gi (the first three) or mix (default)"
-    )
-    parser.add_argument("--pairs", type=int, default=100, help="training pairs, or videos (default 100)")
-    parser.add_argument("--test-pairs", type=int, default=0, help="test pairs, of other seeds (default 0)")
-    parser.add_argument("--seed", type=int, default=1, help="0..9999; another seed is another set (default 1)")
-    parser.add_argument(
-        "--renderer", default="gl", help="gl (default): OpenGL through EGL; cycles: Blender, path traced"
-    )
-    parser.add_argument("--rig", default="ideal", help="ideal, or raw: add distorted, misaligned views and rig.json")
-    parser.add_argument("--width", type=int, default=960, help="pixels (default 960)")
-    parser.add_argument("--height", type=int, default=720, help="pixels (default 720)")
-    parser.add_argument("--focal", type=float, default=400.0, help="focal length in pixels (default 400)")
-    parser.add_argument("--baseline", type=float, default=10.0, help="mm between the lenses (default 10)")
-    parser.add_argument("--min-disparity", type=float, default=2.0, help="px, aimed at (default 2)")
-    parser.add_argument("--max-disparity", type=float, default=69.5, help="px, never exceeded (default 69.5)")
-    parser.add_argument(
-        "--video", action="store_true", help="move along the path: every pair becomes a video of frames"
-    )
-    parser.add_argument("--frames", type=int, default=100, help="of each video, 25 a second (default 100)")
-    parser.add_argument(
-        "--shutter", type=float, default=0.0, help="video: share of the frame time it is open (default 0)"
-    )
-    parser.add_argument("--motion-blur", type=float, default=0.0, help="pairs: longest streak in px (default 0)")
-    parser.add_argument("--chroma", action="store_true", help="one colour for four pixels, as in 4:2:0 video")
+    described = parser.add_argument_group("what describes a set")
+    for name, (usual, text) in _SETTINGS.items():
+        option = "--" + name.replace("_", "-")
+        if isinstance(usual, bool):
+            described.add_argument(option, action="store_true", default=None, help=text)
+        else:
+            described.add_argument(option, type=type(usual), help=f"{text} (default {usual})")
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--ray", action="store_true", help="render on the Ray cluster of $RAY_ADDRESS, or a local one")
     parser.add_argument(
@@ -98,19 +101,23 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     from endosdk.simulation.recipe import Recipe, published
     from endosdk.simulation.sample import Limits
 
+    given = [name for name in _SETTINGS if getattr(args, name) is not None]
     if args.recipe is not None:
-        return published(args.recipe).recipe
-    if args.video and args.frames < 1:
-        raise InvalidArgument("frames", "must be at least 1 for a video", args.frames)
+        recipe = published(args.recipe).recipe
+        if given:
+            options = ", ".join("--" + name.replace("_", "-") for name in given)
+            raise InvalidArgument("recipe", "settles what describes a set, so leave out the rest", options)
+        return recipe
+    video = bool(args.video)
+    if not video and "frames" in given:
+        raise InvalidArgument("frames", "are those of a video; add --video", args.frames)
+    chosen: dict[str, Any] = {name: getattr(args, name) if name in given else _SETTINGS[name][0] for name in _SETTINGS}
+    if video and chosen["frames"] < 1:
+        raise InvalidArgument("frames", "must be at least 1 for a video", chosen["frames"])
     return Recipe(
-        organ=args.organ,
-        pairs=args.pairs,
-        test_pairs=args.test_pairs,
-        seed=args.seed,
-        renderer=args.renderer,
-        rig=args.rig,
-        camera=StereoCamera(args.width, args.height, args.focal, args.baseline),
-        limits=Limits(args.min_disparity, args.max_disparity),
-        effects=Effects(args.motion_blur, args.shutter, args.chroma),
-        frames=args.frames if args.video else 0,
+        **{name: chosen[name] for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig")},
+        camera=StereoCamera(chosen["width"], chosen["height"], chosen["focal"], chosen["baseline"]),
+        limits=Limits(chosen["min_disparity"], chosen["max_disparity"]),
+        effects=Effects(chosen["motion_blur"], chosen["shutter"], chosen["chroma"]),
+        frames=chosen["frames"] if video else 0,
     )

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endosdk.dataset import FORMAT_VERSION, hash_sample, write_record
-from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.dataset import FORMAT_VERSION, hash_sample, replace_text, write_record
+from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.render import Job, Task
 from endosdk.simulation.sample import GENERATOR_VERSION
@@ -30,7 +30,7 @@ def generate(
     A sample's folder appears whole or not at all, so a killed run is continued by calling this again. With ``ray``,
     ``workers`` is how many renderers run at a time on the cluster, all of whose machines must see ``root``.
     Raises InvalidArgument when ``root`` holds a set made by another recipe, StorageFailed when it cannot be written,
-    RendererUnavailable when the renderer cannot start.
+    RendererUnavailable when the renderer cannot start, DatasetInvalid when a finished sample was damaged.
     """
     if workers < 1:
         raise InvalidArgument("workers", "must be at least 1", workers)
@@ -55,13 +55,11 @@ def _claim(root: Path, recipe: Recipe) -> None:
         root.mkdir(parents=True, exist_ok=True)
         if path.exists():
             _compare(json.loads(path.read_text()), wanted, root)
-        elif any(root.iterdir()):
+        elif any(not found.name.startswith(".partial-") for found in root.iterdir()):
             raise InvalidArgument("out", "must be an empty or new folder, or one begun by this command", root)
-        partial = root / ".partial-recipe.json"
-        partial.write_text(json.dumps(wanted, indent=1, sort_keys=True) + "\n")
-        partial.replace(path)
         for left_over in root.glob(".partial-*"):
             shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
+        replace_text(path, json.dumps(wanted, indent=1, sort_keys=True) + "\n")
     except OSError as error:
         raise StorageFailed("out", "the folder must be writable", f"{root}: {error}") from error
     except ValueError as error:
@@ -104,8 +102,12 @@ def _record(job: Job) -> dict[str, Any]:
         seeds.setdefault(split, [seed, seed])[1] = seed
         for name in recipe.names(seed):
             folder = job.root / split / name
-            samples[split][name] = hash_sample(folder)
-            renderers.add(json.loads((folder / "sample.json").read_text())["info"]["renderer"])
+            try:
+                samples[split][name] = hash_sample(folder)
+                renderers.add(json.loads((folder / "sample.json").read_text())["info"]["renderer"])
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                rule = "a finished sample was changed; delete its folder, and the same command renders it again"
+                raise DatasetInvalid("out", rule, f"{folder}: {error!r}") from error
     described = recipe.described()
     return {
         "format_version": FORMAT_VERSION,

@@ -58,9 +58,11 @@ class Recipe:
         if self.frames and self.rig != "ideal":
             raise InvalidArgument("rig", "must be ideal for videos", self.rig)
         if self.effects.motion_px and self.frames:
-            raise InvalidArgument("motion_px", "must be 0 for videos, whose blur is set by the shutter", self.effects)
+            rule = "must be 0 for videos, whose blur is set by the shutter"
+            raise InvalidArgument("motion_px", rule, self.effects.motion_px)
         if self.effects.shutter and not self.frames:
-            raise InvalidArgument("shutter", "must be 0 without video; single pairs take motion_px", self.effects)
+            rule = "must be 0 without video; single pairs take motion_px"
+            raise InvalidArgument("shutter", rule, self.effects.shutter)
 
     def tasks(self) -> list[tuple[str, int]]:
         """Return (split, seed) of every pair, or of every video."""

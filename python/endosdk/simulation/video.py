@@ -143,9 +143,22 @@ def write_video(path: Path, folders: list[Path]) -> None:
             writer.write(np.ascontiguousarray(frame[..., ::-1]))
         if writer is not None:
             writer.release()
-        if not partial.exists() or partial.stat().st_size == 0:
-            raise StorageFailed("out", "the video must be writable", path)
+        # OpenCV does not say when the disk is full.
+        if _count_frames(partial) != len(folders):
+            raise OSError("it cannot be read back; is the disk full?")
         shutil.move(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise StorageFailed("out", "the video must be writable", f"{path}: {error}") from error
+
+
+def _count_frames(path: Path) -> int:
+    """Return how many frames of a film can be read."""
+    import cv2
+
+    film = cv2.VideoCapture(str(path))
+    count = 0
+    while film.grab():
+        count += 1
+    film.release()
+    return count

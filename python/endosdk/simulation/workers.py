@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any
 
 from endosdk.errors import DependencyMissing, RendererUnavailable
@@ -31,9 +31,7 @@ def render_here(job: Job, tasks: list[Task]) -> Iterator[int]:
 def render_apart(job: Job, tasks: list[Task], workers: int) -> Iterator[int]:
     """Render in several processes; yield the number of samples as tasks are finished."""
     # Each process starts afresh: an OpenGL context does not survive a fork.
-    # Control-C reaches them too: they finish what they draw, and this process stops.
-    quiet = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=quiet) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_obey_the_parent) as pool:
         futures = [pool.submit(_work, job, task) for task in tasks]
         try:
             for future in as_completed(futures):
@@ -43,6 +41,19 @@ def render_apart(job: Job, tasks: list[Task], workers: int) -> Iterator[int]:
             raise RendererUnavailable("workers", rule, error) from error
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _obey_the_parent() -> None:
+    """Leave control-C, which reaches workers too, to the process that started this one; end when that one is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 # Of this worker process: starting a renderer anew for every sample would cost more than drawing it.
