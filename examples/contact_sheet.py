@@ -1,4 +1,7 @@
-"""Lay left views of a data set out on one sheet: ``python examples/contact_sheet.py SET ORGAN SHEET.jpg``."""
+"""Lay left views of a data set out on one sheet: ``python examples/contact_sheet.py SET SPLIT ORGAN SHEET.jpg``.
+
+The first 24 of the organ are shown; the organ ``all`` stands for every one.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +17,18 @@ from endosdk.dataset import open_dataset
 COLUMNS, ROWS, WIDTH = 6, 4, 240
 
 
-def main(root: str, organ: str, sheet: str) -> None:
-    wanted = (s for s in open_dataset(root, "train") if s.info["organ"] == organ)
+def main(root: str, split: str, organ: str, sheet: str) -> None:
+    wanted = (s for s in open_dataset(root, split) if organ in ("all", s.info["organ"]))
     tiles = []
     for sample in islice(wanted, COLUMNS * ROWS):
         height = round(WIDTH * sample.left.shape[0] / sample.left.shape[1])
         tiles.append(cv2.resize(sample.left, (WIDTH, height), interpolation=cv2.INTER_AREA))
     if len(tiles) < COLUMNS * ROWS:
-        sys.exit(f"{root} has only {len(tiles)} training pairs of {organ}; a sheet needs {COLUMNS * ROWS}")
+        sys.exit(f"{root} has only {len(tiles)} such pairs; a sheet needs {COLUMNS * ROWS}")
     rows = [np.hstack(tiles[k : k + COLUMNS]) for k in range(0, len(tiles), COLUMNS)]
     Path(sheet).parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(sheet, np.vstack(rows)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:4])
+    main(*sys.argv[1:5])

@@ -1,7 +1,8 @@
 """Pack the finished test pairs of a rendered set into few bytes: ``python examples/pack_set.py SET PACKED``.
 
 Views become JPEG without chroma subsampling; the left truth and the occlusion mask stay exact. The right truth is left
-out: the rasteriser makes it again. Pairs that are packed already are left alone, so a set can be packed as it grows.
+out: the rasteriser makes it again. Pairs that are packed already are left alone, so a set can be packed as it grows;
+its record is written when it is whole.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from endosdk.dataset import FORMAT_VERSION, hash_sample, read_sample
+from endosdk.dataset import FORMAT_VERSION, encode_disparity, hash_sample, read_colours, read_gray, read_sample
 
 QUALITY = 93
 VIEW = [
@@ -32,10 +33,10 @@ def pack(source: Path, folder: Path) -> None:
     noise = []
     for name, picture in (("left", sample.left), ("right", sample.right)):
         cv2.imwrite(str(partial / f"{name}.jpg"), picture[..., ::-1], VIEW)
-        noise.append(cv2.PSNR(np.ascontiguousarray(picture[..., ::-1]), cv2.imread(str(partial / f"{name}.jpg"))))
-    truth = cv2.imread(str(source / "disparity.png"), cv2.IMREAD_UNCHANGED)
+        noise.append(cv2.PSNR(picture, read_colours(partial / f"{name}.jpg")))
+    truth = encode_disparity(sample.disparity)
     cv2.imwrite(str(partial / "disparity.png"), truth, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    mask = cv2.imread(str(source / "occlusion.png"), cv2.IMREAD_GRAYSCALE)
+    mask = read_gray(source / "occlusion.png")
     cv2.imwrite(str(partial / "occlusion.png"), mask, [cv2.IMWRITE_PNG_BILEVEL, 1])
     record = json.loads((source / "sample.json").read_text())
     record["packed"] = {"from_sha256": hash_sample(source), "jpeg_quality": QUALITY, "psnr_db": noise}
@@ -44,13 +45,13 @@ def pack(source: Path, folder: Path) -> None:
 
 
 def main(source: Path, target: Path) -> None:
-    """Pack what is finished; write the packed set's record."""
+    """Pack what is finished; write the packed set's record when nothing is missing."""
     recipe = json.loads((source / "recipe.json").read_text())
     for folder in sorted((source / "test").iterdir()):
         if not (target / "test" / folder.name).exists():
             pack(folder, target / "test" / folder.name)
     shutil.copy(source / "recipe.json", target / "recipe.json")
-    packed = {folder.name: folder for folder in sorted((target / "test").iterdir())}
+    packed = {folder.name: folder for folder in sorted((target / "test").glob("[0-9]*"))}
     records = [json.loads((folder / "sample.json").read_text()) for folder in packed.values()]
     noise = [value for record in records for value in record["packed"]["psnr_db"]]
     whole = {
@@ -67,7 +68,8 @@ def main(source: Path, target: Path) -> None:
         "packing": {"jpeg_quality": QUALITY, "psnr_db_mean": float(np.mean(noise)), "psnr_db_least": min(noise)},
         "samples": {"train": {}, "test": {name: hash_sample(folder) for name, folder in packed.items()}},
     }
-    (target / "dataset.json").write_text(json.dumps(whole, indent=1, sort_keys=True) + "\n")
+    if len(packed) == recipe["test_pairs"]:
+        (target / "dataset.json").write_text(json.dumps(whole, indent=1, sort_keys=True) + "\n")
     size = sum(path.stat().st_size for path in target.rglob("*") if path.is_file())
     print(f"{len(packed)} of {recipe['test_pairs']} pairs, {size / 1e6:.1f} MB, {np.mean(noise):.1f} dB")
 
