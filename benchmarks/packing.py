@@ -1,6 +1,8 @@
 """What packing a set did to it: noise in the pictures, and the error that StereoSGBM makes on both forms.
 
     python -m benchmarks.packing --rendered DIR --packed datasets/endosim-gi-cycles --json FILE
+
+Packed truth must be the rendered truth to the bit; how far it is off is recorded all the same.
 """
 
 from __future__ import annotations
