@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 
 from endosdk.cli import main
 from endosdk.dataset import open_dataset, verify_dataset, write_sample
-from endosdk.errors import InvalidArgument
+from endosdk.errors import DependencyMissing, InvalidArgument, RendererUnavailable
 from endosdk.simulation.camera import rectified_pair
+from endosdk.simulation.cycles.environment import find_python
+from endosdk.simulation.cycles.renderer import CyclesRenderer
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.recipe import published, published_names
 from endosdk.simulation.sample import GENERATOR_VERSION, draw_truth, load_scene, place_camera, render_sample
@@ -46,11 +49,34 @@ def test_a_published_sample_is_rendered_again_to_the_bit(renderer: Rasteriser, t
     assert write_sample(tmp_path, "test", sample) == known.expected[name]
 
 
+def test_a_published_path_traced_sample_is_rendered_again_to_the_bit(tmp_path: Path) -> None:
+    known = published("endosim-gi-cycles")
+    try:
+        traced = CyclesRenderer(find_python())
+    except (RendererUnavailable, DependencyMissing) as error:
+        pytest.skip(f"no Blender on this machine: {error}")
+    try:
+        if traced.version != known.renderer:
+            pytest.skip(f"hashes hold for {known.renderer}; this machine has {traced.version}")
+        name = "test/2021500000"
+        recipe = known.recipe
+        sample = render_sample(traced, int(name[5:]), recipe.organ, recipe.camera, recipe.limits)
+    finally:
+        traced.close()
+    assert write_sample(tmp_path, "test", sample) == known.expected[name]
+
+
 @pytest.mark.skipif(not (KEPT / "dataset.json").is_file(), reason="the Cycles split has not been rendered yet")
 def test_the_kept_pairs_are_whole_and_their_truth_can_be_made_again(renderer: Rasteriser) -> None:
     assert all(fault is None for _, fault in verify_dataset(KEPT))
-    recipe = published("endosim-gi-cycles").recipe
-    kept = open_dataset(KEPT, "test")[0]
+    known = published("endosim-gi-cycles")
+    recipe = known.recipe
+    for name, rendered in known.expected.items():
+        packed = json.loads((KEPT / name / "sample.json").read_text())["packed"]
+        assert packed["from_sha256"] == rendered
+    reader = open_dataset(KEPT, "test")
+    assert [int(name) for name in reader.ids] == [seed for _, seed in recipe.tasks()]
+    kept = reader[0]
     assert kept.left.shape == (recipe.camera.height, recipe.camera.width, 3)
     scene = draw_scene(int(kept.id), recipe.organ)
     load_scene(renderer, scene, recipe.camera, painted=False)
