@@ -52,19 +52,24 @@ def cmake_program() -> str | None:
 @cache
 def library() -> ctypes.CDLL:
     """Build the matcher if it is out of date, and load it."""
+    print("building PatchMatch", file=sys.stderr)
+    return built_in(BUILD)
+
+
+def built_in(folder: Path, *options: str) -> ctypes.CDLL:
+    """Build the matcher in a folder, with further options for cmake, and load it."""
     cmake = cmake_program()
     if cmake is None:
         raise DependencyMissing("patchmatch", "needs cmake and a C++20 compiler", "no cmake")
-    print("building PatchMatch", file=sys.stderr)
     try:
         for words in (
-            [cmake, "-S", str(SOURCE), "-B", str(BUILD), "-DCMAKE_BUILD_TYPE=Release"],
-            [cmake, "--build", str(BUILD)],
+            [cmake, "-S", str(SOURCE), "-B", str(folder), "-DCMAKE_BUILD_TYPE=Release", *options],
+            [cmake, "--build", str(folder)],
         ):
             subprocess.run(words, check=True, capture_output=True, text=True)
     except subprocess.CalledProcessError as error:
         raise DependencyMissing("patchmatch", "must build", error.stderr or error.stdout) from error
-    loaded = ctypes.CDLL(str(BUILD / "libendosdk_patchmatch.so"))
+    loaded = ctypes.CDLL(str(folder / "libendosdk_patchmatch.so"))
     loaded.patchmatch_compute.restype = None
     loaded.patchmatch_fill.restype = None
     loaded.patchmatch_cost.restype = ctypes.c_float

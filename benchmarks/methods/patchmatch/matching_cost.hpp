@@ -1,6 +1,7 @@
 // What it costs to say that a pixel lies on a plane: section 3.1 of Bleyer, Rhemann, Rother (BMVC 2011).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -22,6 +23,7 @@ inline constexpr float kGradientLimit = 2.0F;    // tau_grad
 inline constexpr float kWorstCost = (1.0F - kGradientShare) * kColourLimit + kGradientShare * kGradientLimit;
 
 inline constexpr int kLargestSide = 63;  // of a window
+inline constexpr int kReadBeyond = 32;   // numbers that may be read, and are not used, after the last of a plane
 
 // A view as planes of floats: red, green, blue, and the horizontal gradient of the gray picture.
 struct View {
@@ -30,6 +32,7 @@ struct View {
     return planes[static_cast<std::size_t>(channel)].data() + static_cast<std::ptrdiff_t>(y) * width;
   }
   [[nodiscard]] const float* pixels(int y) const { return packed.data() + 4 * static_cast<std::ptrdiff_t>(y) * width; }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(height) * static_cast<std::size_t>(width); }
   int height, width;
   std::vector<float> planes[4];
   std::vector<float> packed;  // the same, four numbers a pixel
@@ -54,6 +57,7 @@ class Window {
                            float limit) const;
 
   int left, right, top, bottom;  // inclusive, cut at the picture
+  int middle;                    // row of the centre
   std::vector<float> weights;    // rows of `side`
   int side;
 

@@ -55,7 +55,7 @@ Normal normal_of(const Plane& plane) {
 // One view on its way to an answer.
 struct Side {
   Side(const View& own, const View& match, int direction)
-      : view(own), other(match), sign(direction), planes(view.planes[0].size()), costs(view.planes[0].size()) {}
+      : view(own), other(match), sign(direction), planes(view.size()), costs(view.size()) {}
   const View& view;
   const View& other;
   int sign;
@@ -248,7 +248,7 @@ void patchmatch_fill(const std::uint8_t* left, int height, int width, int radius
                      const float* disparity, const float* checked, float* filled) {
   using namespace patchmatch;
   const View view(left, height, width);
-  std::vector<Plane> planes(view.planes[0].size());
+  std::vector<Plane> planes(view.size());
   for (std::size_t i = 0; i < planes.size(); ++i) planes[i] = {0.0F, 0.0F, disparity[i]};
   std::vector<float> rough(planes.size());
   fill(planes, height, width, max_disparity, checked, rough.data());
