@@ -5,17 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 import benchmarks.methods.networks  # noqa: F401  makes the rivals known
 from benchmarks.methods.anynet import _residual_volume
 from benchmarks.methods.costs import count_macs, network_costs, step_gmacs
+from benchmarks.methods.planes import PlaneConv, PlaneConvTranspose
 from benchmarks.methods.propagation import Propagation
 from endosdk.dataset import SPLITS, Sample, write_record, write_sample
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
+from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
+from endosdk.training.parity import check_parity
 from endosdk.training.train import train
 from tests.training.warped_scenes import constant_pair, warped_pair
 
@@ -99,6 +103,71 @@ def test_residual_volume_has_its_minimum_at_the_true_shift():
     inner = volume[..., 8:-8]
     assert (inner.argmin(dim=1) == 3).all()  # index 2 is no correction
     assert inner[:, 3].abs().max() < 1e-5
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize("bias", [False, True])
+def test_convolution_over_planes_is_the_3d_one(stride, bias):
+    torch.manual_seed(0)
+    source = nn.Conv3d(3, 5, 3, stride, 1, bias=bias).double()
+    volume = torch.randn(2, 3, 6, 8, 10, dtype=torch.double)
+    assert torch.allclose(PlaneConv(source)(volume), source(volume), atol=1e-12)
+
+
+def test_transposed_convolution_over_planes_is_the_3d_one():
+    torch.manual_seed(0)
+    source = nn.ConvTranspose3d(3, 5, 3, stride=2, padding=1, output_padding=1).double()
+    volume = torch.randn(2, 3, 4, 5, 6, dtype=torch.double)
+    assert torch.allclose(PlaneConvTranspose(source)(volume), source(volume), atol=1e-12)
+
+
+def test_convolutions_of_other_shapes_are_refused():
+    for source in (nn.Conv3d(2, 2, 5, padding=2), nn.Conv3d(2, 2, 3), nn.Conv3d(2, 2, 3, (1, 2, 2), 1)):
+        with pytest.raises(InvalidArgument, match="3x3x3"):
+            PlaneConv(source)
+    with pytest.raises(InvalidArgument, match="3x3x3"):
+        PlaneConvTranspose(nn.ConvTranspose3d(2, 2, 2, stride=2))
+
+
+def with_statistics(name):
+    """Build a network whose norms have seen a pair and whose scores are mild.
+
+    Without that an untrained one drowns in its own activations: it answers by whole planes, and rounding flips them.
+    """
+    torch.manual_seed(0)
+    network = build_network(name, 32).train()
+    lasts = [head[-1] for head in network.heads] if name == "psmnet" else [cost[-1][-1] for cost in network.costs]
+    for last in lasts:
+        nn.init.normal_(last.weight, std=1e-3 if name == "psmnet" else 1e-2)
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d):
+            module.momentum = 1.0
+    left, right, _ = constant_pair(1, (64, 96), 6)
+    with torch.no_grad():
+        network(*(torch.from_numpy(view).permute(2, 0, 1)[None].float() for view in (left, right)))
+    return network.eval()
+
+
+@pytest.mark.parametrize(("name", "norms_left"), [("anynet", 10), ("psmnet", 0)])
+def test_export_form_computes_the_same_without_3d_convolutions(name, norms_left):
+    network = with_statistics(name).double()
+    form = network.export_form()
+    views = 255 * torch.rand(2, 1, 3, 32, 48, dtype=torch.double)
+    with torch.no_grad():
+        expected, found = network(*views), form(*views)
+    assert expected.disparities[-1].std() > 0.1
+    assert torch.allclose(found.disparities[-1], expected.disparities[-1], atol=1e-6)
+    assert torch.allclose(found.evidence, expected.evidence, atol=1e-6)
+    assert not any(isinstance(module, nn.Conv3d | nn.ConvTranspose3d) for module in form.modules())
+    assert sum(isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d) for module in form.modules()) == norms_left
+
+
+def test_file_of_psmnet_computes_what_torch_does_at_two_sizes(tmp_path):
+    network = with_statistics("psmnet")
+    export_model(network, tmp_path / "psmnet.onnx", ModelInfo(name="psmnet", version="1"), size_step=16)
+    pairs = [constant_pair(2, size, 6)[:2] for size in ((96, 160), (75, 133))]
+    report = check_parity(network, tmp_path / "psmnet.onnx", pairs)
+    assert [entry["height"] for entry in report["sizes"]] == [96, 75]
 
 
 @pytest.fixture(scope="module")

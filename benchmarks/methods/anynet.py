@@ -124,21 +124,19 @@ def _absolute_volume(left: Tensor, right: Tensor, planes: int) -> Tensor:
 
 
 def _residual_volume(left: Tensor, right: Tensor, disparity: Tensor) -> Tensor:
-    """L1 distance for shifts around a disparity [N, 1, h, w] in cells: -RESIDUAL..RESIDUAL, [N, D, h, w]."""
-    shifts = range(-RESIDUAL, RESIDUAL + 1)
-    return torch.stack([(left - _shifted(right, disparity + by)).abs().sum(dim=1) for by in shifts], dim=1)
+    """L1 distance for shifts around a disparity [N, 1, h, w] in cells: -RESIDUAL..RESIDUAL, [N, D, h, w].
 
-
-def _shifted(features: Tensor, disparity: Tensor) -> Tensor:
-    """Read features [N, C, h, w] at x - disparity, linearly between columns; zero beyond the picture."""
-    width = features.shape[-1]
-    place = column_index(features) - disparity
+    The right features are read between columns, linearly; they are zero beyond the picture. All shifts lie equally far
+    from the column beside them, so neighbouring shifts share what they read.
+    """
+    width = right.shape[-1]
+    place = column_index(right) - disparity
     floor = place.detach().floor()
-    share = place - floor
-    first = floor.long()
-    total = torch.zeros_like(features)
-    for index, weight in ((first, 1.0 - share), (first + 1, share)):
-        inside = ((index >= 0) & (index < width)).to(features.dtype)
-        columns = index.clamp(0, width - 1).expand(-1, features.shape[1], -1, -1)
-        total = total + torch.gather(features, 3, columns) * (weight * inside)
-    return total
+    share = (place - floor).unsqueeze(2)
+    offsets = torch.arange(RESIDUAL + 1, -RESIDUAL - 1, -1, device=right.device).view(1, -1, 1, 1)
+    columns = (floor.long() + offsets).unsqueeze(1)
+    inside = ((columns >= 0) & (columns < width)).to(right.dtype)
+    size = (-1, right.shape[1], columns.shape[2], -1, -1)
+    read = torch.gather(right.unsqueeze(2).expand(size), 4, columns.clamp(0, width - 1).expand(size)) * inside
+    moved = read[:, :, 1:] * (1.0 - share) + read[:, :, :-1] * share
+    return (left.unsqueeze(2) - moved).abs().sum(dim=1)

@@ -39,7 +39,7 @@ def count_macs(name: str, max_disparity: int, height: int, width: int) -> int:
         size = (1, 3, height + -height % multiple, width + -width % multiple)
         with FlopCounterMode(display=False) as counter, torch.no_grad():
             network(torch.zeros(size), torch.zeros(size))
-    return counter.get_total_flops() // 2
+    return int(counter.get_total_flops()) // 2
 
 
 def network_costs(name: str, max_disparity: int, height: int, width: int) -> NetworkCosts:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from benchmarks.methods.planes import fold_batch_norms, planes_for_volumes
 from endosdk.errors import InvalidArgument
 from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, Window
 from endosdk.training.networks.confidence import ConfidenceHead
@@ -55,6 +57,13 @@ class RivalNetwork(StereoNetwork):
     def refine(self, coarse: Coarse) -> Prediction:
         """Return the map as it is."""
         return Prediction([coarse.disparity], coarse.evidence)
+
+    def export_form(self) -> StereoNetwork:
+        """Return a copy in evaluation mode with the same favours that our own networks get in their files."""
+        form = copy.deepcopy(self).eval()
+        fold_batch_norms(form)
+        planes_for_volumes(form)
+        return form
 
 
 def enlarge(values: Tensor, like: Tensor) -> Tensor:

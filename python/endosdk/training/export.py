@@ -14,12 +14,13 @@ from typing import Any
 import onnx
 import torch
 
-from endosdk.errors import StorageFailed
+from endosdk.training.model_file import write_model
 from endosdk.training.networks.base import Deployed, StereoNetwork
 
 FORMAT_VERSION = "1"
 OPSET = 18  # the one that torch's exporter writes without conversion; every runtime we support reads it
 TRACE_SIZE = (96, 160)  # height, width of the example input; the file accepts any multiple of input_multiple
+MOST_STEPS = 2**12  # the exporter wants a limit on how many steps high and wide a frame may be
 
 
 @dataclass(frozen=True)
@@ -33,32 +34,29 @@ class ModelInfo:
     training: dict[str, Any] = field(default_factory=dict)  # data ids and hashes, commit, recipe, test metrics
 
 
-def export_model(network: StereoNetwork, path: Path, info: ModelInfo) -> None:
+def export_model(network: StereoNetwork, path: Path, info: ModelInfo, *, size_step: int = 1) -> None:
     """Write the network as one self-describing ONNX file, atomically.
 
     The same network gives the same bytes. Height and width stay free (multiples of ``input_multiple``), and so does
-    the batch.
+    the batch. ``size_step`` tells the exporter that both are multiples of it: it cannot follow a network that halves
+    its input several times and joins the maps again otherwise; for other networks it only makes the trace slower.
     """
-    model = _to_onnx(Deployed(network.export_form()).eval())
+    model = _to_onnx(Deployed(network.export_form()).eval(), size_step)
     _strip(model)
     _name_sizes(model, network.output_stride)
     onnx.helper.set_model_props(model, _metadata(network, info))
     onnx.checker.check_model(model, full_check=True)
-    partial = path.with_name(path.name + ".partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(model.SerializeToString(deterministic=True))
-        partial.replace(path)
-    except OSError as error:
-        raise StorageFailed("path", "must be writable", f"{path} ({error.strerror})") from error
+    write_model(model, path)
 
 
-def _to_onnx(deployed: Deployed) -> onnx.ModelProto:
+def _to_onnx(deployed: Deployed, size_step: int) -> onnx.ModelProto:
     height, width = TRACE_SIZE
     example = torch.randint(
         0, 256, (2, 3, height, width), dtype=torch.uint8, generator=torch.Generator().manual_seed(0)
     )
-    free = {0: "batch", 2: "height", 3: "width"}
+    free: dict[int, Any] = {0: "batch", 2: "height", 3: "width"}
+    if size_step > 1:
+        free.update({axis: size_step * torch.export.Dim(free[axis], min=2, max=MOST_STEPS) for axis in (2, 3)})
     with _quiet_exporter():
         program = torch.onnx.export(
             deployed,
@@ -106,11 +104,12 @@ def _strip(model: onnx.ModelProto) -> None:
 
 
 def _name_sizes(model: onnx.ModelProto, stride: int) -> None:
-    """Say plainly how large the outputs are; the exporter writes the arithmetic of its trace instead."""
+    """Say plainly how large inputs and outputs are; the exporter writes the arithmetic of its trace instead."""
     suffix = "" if stride == 1 else f"/{stride}"
-    for output in model.graph.output:
-        for axis, size in ((2, "height"), (3, "width")):
-            output.type.tensor_type.shape.dim[axis].dim_param = size + suffix
+    for values, end in ((model.graph.input, ""), (model.graph.output, suffix)):
+        for value in values:
+            for axis, size in ((2, "height"), (3, "width")):
+                value.type.tensor_type.shape.dim[axis].dim_param = size + end
 
 
 def _metadata(network: StereoNetwork, info: ModelInfo) -> dict[str, str]:
