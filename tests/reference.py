@@ -129,6 +129,43 @@ def reasons(
     return bits
 
 
+def supported_confidence(
+    disparity: np.ndarray, confidence: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
+) -> tuple[np.ndarray, bool]:
+    """Confidence, 0 in blocks whose views do not agree at the disparity found, and whether the views belong together.
+
+    Grids float32 [h, w]; views uint8 [3, H, W], of which ``height`` x ``width`` px are no padding and H / h, W / w px
+    are one cell.
+    """
+    stride_y, stride_x = left.shape[1] / disparity.shape[0], left.shape[2] / disparity.shape[1]
+    side = max(16, width // 60 * 2)
+    shape = -(-height // side), -(-width // side)
+    correlation = np.full(shape, np.nan)
+    varies = np.zeros(shape, bool)
+    for row, column in np.ndindex(shape):
+        y = np.arange(row * side, min(height, row * side + side), 2)[:, None]
+        x = np.arange(column * side, min(width, column * side + side), 2)[None]
+        y, x = np.broadcast_arrays(y, x)
+        found = disparity[((y + 0.5) / stride_y).astype(int), ((x + 0.5) / stride_x).astype(int)]
+        inside = (found >= 0) & (found <= x)
+        if np.count_nonzero(inside) < side * side // 4 // 4:
+            continue
+        match = x[inside] - np.floor(found[inside] + np.float32(0.5)).astype(int)
+        a = left[1, y[inside], x[inside]].astype(float)
+        b = right[1, y[inside], match].astype(float)
+        spread = a.std() * b.std()
+        correlation[row, column] = np.mean((a - a.mean()) * (b - b.mean())) / spread if spread > 0 else 0.0
+        varies[row, column] = a.std() > 0
+    judged = np.isfinite(correlation)
+    enough = 3 * np.count_nonzero(correlation >= 0.5) >= np.count_nonzero(judged & varies)
+    together = bool(enough and not np.array_equal(left, right))
+    dropped = judged & (correlation <= 0.2) if together else np.ones(shape, bool)
+    y, x = np.indices(confidence.shape)
+    rows = np.minimum(((y + 0.5) * stride_y).astype(int) // side, shape[0] - 1)
+    columns = np.minimum(((x + 0.5) * stride_x).astype(int) // side, shape[1] - 1)
+    return np.where(dropped[rows, columns], np.float32(0), confidence), together
+
+
 def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, gain: float) -> np.ndarray:
     """Expected depth error in mm: a Laplace law whose chance of an error up to one network pixel is the confidence."""
     # The limits are those of single precision, which is what confidence comes in.

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <limits>
 #include <vector>
 
 #include "build_info.hpp"
@@ -159,6 +160,7 @@ int Estimator::postprocess_frame(const MapsOut& maps) {
   in.min_confidence = static_cast<float>(settings_.min_confidence);
   in.last_plane = session_.info().last_plane;
   in.left = f.buffers.left();
+  in.right = f.buffers.right();
   in.valid_left = f.stage.valid_left();
   in.valid_right = f.stage.valid_right();
   if (rig_) {
@@ -181,9 +183,15 @@ void Estimator::count(FrameReport& report) {
   latency_.add(total);
   report.frame = latency_.count();
   report.late = settings_.deadline_ms > 0.0 && total > settings_.deadline_ms;
+  char line[96];
+  if (!frames_->scratch.agreement.views_belong_together()) {
+    ++mismatched_;
+    std::snprintf(line, sizeof line, "frame %llu: the two views do not show the same",
+                  static_cast<unsigned long long>(report.frame));
+    settings_.log(ENDO_LOG_WARNING, line);
+  }
   if (!report.late) return;
   ++late_;
-  char line[96];
   std::snprintf(line, sizeof line, "frame %llu was late: %.1f ms", static_cast<unsigned long long>(report.frame), total);
   settings_.log(ENDO_LOG_WARNING, line);
 }
@@ -219,13 +227,23 @@ void Estimator::self_test() {
   }
 }
 
+double Estimator::nearest_depth_mm() const {
+  const int last_plane = session_.info().last_plane;
+  if (!rig_ || !frames_ || last_plane == 0) return std::numeric_limits<double>::quiet_NaN();
+  const RectifiedGeometry& g = rig_->geometry();
+  const double gain = static_cast<double>(frames_->stage.frame().width) / frames_->stage.picture().width;
+  const double farthest_apart = (last_plane - last_plane_margin) * gain + g.doffs();
+  return farthest_apart > 0.0 ? g.focal_px() * g.baseline_mm() / farthest_apart : std::numeric_limits<double>::quiet_NaN();
+}
+
 std::string Estimator::diagnostics() const {
   const std::lock_guard lock(calls_);
   const ModelInfo& info = session_.info();
   const std::string model =
       JsonObject().text("name", info.name).text("version", info.version).text("sha256", session_.model_sha256())
           .text("license", info.license).text("intended_use", info.intended_use)
-          .count("max_disparity", static_cast<uint64_t>(info.max_disparity)).done();
+          .count("max_disparity", static_cast<uint64_t>(info.max_disparity))
+          .raw("last_plane", info.last_plane > 0 ? std::to_string(info.last_plane) : "null").done();
   const std::string latency = JsonObject()
                                   .number("p50", latency_.quantile_ms(0.5)).number("p95", latency_.quantile_ms(0.95))
                                   .number("p99", latency_.quantile_ms(0.99)).number("max", latency_.longest_ms()).done();
@@ -237,7 +255,13 @@ std::string Estimator::diagnostics() const {
   report.text("kernels", kernels().name).raw("integer_units", has_integer_units() ? "true" : "false");
   report.raw("model", model);
   report.raw("calibration_sha256", rig_ ? json_string(rig_->sha256()) : "null");
-  report.count("frames", latency_.count()).count("failed", failed_).count("late", late_);
+  if (frames_) {
+    const Size picture = frames_->stage.picture();
+    report.count("network_width", static_cast<uint64_t>(picture.width));
+    report.count("network_height", static_cast<uint64_t>(picture.height));
+  }
+  report.number("nearest_depth_mm", nearest_depth_mm());
+  report.count("frames", latency_.count()).count("failed", failed_).count("late", late_).count("mismatched", mismatched_);
   report.raw("latency_ms", latency);
   return report.done();
 }

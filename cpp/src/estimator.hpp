@@ -75,6 +75,7 @@ class Estimator {
   FrameReport compute(const FramePair& pair, const MapsOut& maps);
   int postprocess_frame(const MapsOut& maps);
   void count(FrameReport& report);
+  double nearest_depth_mm() const;  // before the end of the model's range; NaN where that is not known
 
   mutable std::mutex calls_;  // held by every call but cancel
   std::mutex cancelling_;     // guards the two flags below
@@ -88,6 +89,7 @@ class Estimator {
   bool has_picture_ = false;  // the buffers hold a pair that was predicted
   LatencyHistogram latency_;
   uint64_t late_ = 0;
+  uint64_t mismatched_ = 0;
   uint64_t failed_ = 0;
 };
 

@@ -8,6 +8,7 @@
 
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
+#include "size.hpp"
 #include "threads.hpp"
 
 namespace endosdk {
@@ -29,6 +30,12 @@ void check_geometry(const DepthGeometry& g, bool wanted) {
   require(g.max_depth_mm > g.min_depth_mm, "max_depth_mm", "must be greater than min_depth_mm", g.max_depth_mm);
 }
 
+// The part of the views that is no padding.
+Size picture_of(const PostprocessInput& in, const PostprocessOutput& out) {
+  const auto length = [](int size, double scale) { return static_cast<int>(std::ceil(size * scale - 1e-6)); };
+  return {length(out.disparity.width, in.view_scale.x), length(out.disparity.height, in.view_scale.y)};
+}
+
 void check(const PostprocessInput& in, const PostprocessOutput& out) {
   check_grid(in.disparity, "disparity");
   check_grid(in.confidence, "confidence");
@@ -41,10 +48,11 @@ void check(const PostprocessInput& in, const PostprocessOutput& out) {
   require(std::isfinite(in.last_plane) && in.last_plane >= 0.0, "last_plane", "must be finite and not negative",
           in.last_plane);
   check_scale(in.view_scale, in.gain);
-  if (in.left.data != nullptr) {
-    const auto needed = [](int size, double scale) { return static_cast<int>(std::ceil(size * scale - 1e-6)); };
-    check_planar(in.left, needed(out.disparity.width, in.view_scale.x), needed(out.disparity.height, in.view_scale.y),
-                 "image");
+  const Size picture = picture_of(in, out);
+  if (in.left.data != nullptr) check_planar(in.left, picture.width, picture.height, "image");
+  if (in.right.data != nullptr) {
+    const bool alike = in.left.data != nullptr && in.right.width == in.left.width && in.right.height == in.left.height;
+    require(alike, "right_image", "must have the shape of image", Text(in.right.width, "x", in.right.height));
   }
   check_geometry(in.geometry, out.depth != nullptr || out.sigma != nullptr);
 }
@@ -98,13 +106,19 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
   GlareRows& views = scratch.glare;
   const bool has_view = input.left.data != nullptr;
   if (has_view) views.prepare(input.left, output.disparity.width, input.view_scale, shared.workers());
+  FloatView confidence = input.confidence;
+  if (input.right.data != nullptr) {
+    const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
+    confidence = scratch.agreement.supported(input.disparity, confidence, input.left, input.right,
+                                             picture_of(input, output), cells);
+  }
   const DepthLimits limits = limits_of(input);
   std::atomic<int> usable{0};
   const auto process_rows = [&](int begin, int end, int worker) {
     int count = 0;
     for (int y = begin; y < end; ++y) {
       shared.row(input.disparity, y, input.gain, worker, output.disparity.row(y));
-      shared.row(input.confidence, y, 1.0f, worker, output.confidence.row(y));
+      shared.row(confidence, y, 1.0f, worker, output.confidence.row(y));
       const uint8_t* brightness = has_view ? views.row(input.left, y, worker) : nullptr;
       count += kernels().depth_row(row_of(input, output, y, brightness), limits);
     }

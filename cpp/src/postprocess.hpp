@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "agreement.hpp"
 #include "glare_rows.hpp"
 #include "image.hpp"
 #include "resize.hpp"
@@ -30,7 +31,8 @@ struct PostprocessInput {
   float min_confidence = 0.0f;
   double last_plane = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
   PlanarView left;  // as the network saw it, for saturation; no data: not tested
-  Scale view_scale;  // pixels of that view per output pixel; each output pixel takes the nearest
+  PlanarView right;  // of the same size; no data: whether the views agree is not tested
+  Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;
   DepthGeometry geometry;
@@ -49,6 +51,7 @@ struct PostprocessOutput {
 struct PostprocessScratch {
   RowResizer resizer;
   GlareRows glare;
+  Agreement agreement;
 };
 
 // Returns the number of pixels with no reason against them. Depth (mm) is focal * baseline / (disparity + doffs); sigma

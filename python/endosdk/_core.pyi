@@ -104,11 +104,13 @@ def postprocess(
     image_scale_y: float = 1.0,
     image_scale_x: float = 1.0,
     last_plane: float = 0.0,
+    right_image: _Bytes | None = None,
 ) -> int:
     """Fill the full-size maps of one frame and return the number of pixels with ``reasons == 0``.
 
     Inputs float32 [h, w], maps [H, W], ``image`` uint8 [3, Hp, Wp] planar, of which an
     output pixel takes the nearest (``image_scale``: image pixels per output pixel). Depth and sigma (mm) are NaN where
     a pixel has a reason; both need ``focal_px`` and ``baseline_mm``. Half a pixel before ``last_plane`` (px of the
-    input; 0: not known) and beyond a pixel is out of range.
+    input; 0: not known) and beyond a pixel is out of range. With ``right_image``, of the shape of ``image``, confidence
+    becomes 0 where the two do not agree at the disparity found.
     """

@@ -77,4 +77,5 @@ def postprocess(
         scale_y,
         scale_x,
         limits.last_plane or 0,
+        found.right,
     )

@@ -19,7 +19,7 @@ ByteMap = npt.NDArray[np.uint8]
 class Reason(IntFlag):
     """Why a pixel has no depth: the bits of `DepthResult.reasons`."""
 
-    LOW_CONFIDENCE = 1  # the network does not trust its own answer
+    LOW_CONFIDENCE = 1  # the network does not trust its own answer, or the two views do not agree on it
     OCCLUDED = 2  # a nearer surface covers the match in the right view
     OUTSIDE_OVERLAP = 4  # the right camera does not see this point, or the lens map has no source pixel
     OUT_OF_RANGE = 8  # no finite positive depth, one outside the range asked for, or nearer than the network can find
@@ -53,7 +53,8 @@ class DepthResult:
     """Answer for one stereo pair, all maps [H, W] at the size of the rectified left view.
 
     ``disparity`` is dense, px of this map (``x_right = x_left - disparity``). ``confidence`` is the probability, 0..1,
-    that the disparity is right to one pixel on the grid the network saw. ``reasons`` holds `Reason` bits, 0 where the
+    that the disparity is right to one pixel on the grid the network saw; it is 0 where the two views do not agree at that
+    disparity, and everywhere when they do not show the same. ``reasons`` holds `Reason` bits, 0 where the
     pixel has an answer. Depth and sigma are NaN exactly where ``reasons`` is not 0.
     """
 

@@ -194,7 +194,7 @@ typedef struct endo_image {
 
 /* Why a pixel has no answer: bits of endo_result.reasons. */
 typedef enum endo_reason {
-    ENDO_REASON_LOW_CONFIDENCE = 1,   /* the network does not trust its own answer */
+    ENDO_REASON_LOW_CONFIDENCE = 1,   /* the network does not trust its own answer, or the views do not agree on it */
     ENDO_REASON_OCCLUDED = 2,         /* a nearer surface covers the match in the right view */
     ENDO_REASON_OUTSIDE_OVERLAP = 4,  /* only one camera sees the point */
     ENDO_REASON_OUT_OF_RANGE = 8,     /* no finite positive depth, outside the range of the options, or nearer than
@@ -216,7 +216,8 @@ typedef struct endo_result {
     int32_t quality;                  /* out: endo_quality */
     uint64_t capacity;                /* in: pixels that each map can hold, at least width * height */
     float *disparity;                 /* px of the frames, dense: also where reasons are set */
-    float *confidence;                /* probability that the disparity is right to a pixel of the network's grid */
+    float *confidence;                /* probability that the disparity is right to a pixel of the network's grid; 0
+                                         where the two views do not agree, everywhere if they show different things */
     float *depth;                     /* mm along the optical axis; NaN where reasons are set */
     float *sigma;                     /* expected standard error of depth, mm; NaN as depth */
     uint8_t *reasons;                 /* endo_reason bits; 0: the pixel has an answer */

@@ -45,6 +45,7 @@ class Bare {
     in.min_confidence = 0.3f;
     in.last_plane = session_.info().last_plane;
     in.left = buffers_.left();
+    in.right = buffers_.right();
     in.valid_left = full_.valid_left().data();
     in.valid_right = full_.valid_right().data();
     in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), 0.0, std::numeric_limits<double>::infinity()};

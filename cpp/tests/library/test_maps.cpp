@@ -61,6 +61,41 @@ void surfaces_nearer_than_the_last_plane_are_out_of_range(const Places& at) {
   CHECK(share(31) > 0.4);  // the tiny model's last plane
 }
 
+// What a device sees when a camera fails: the frame must not pass for a good one.
+void views_that_do_not_belong_together_are_invalid(const Places& at) {
+  struct Lines {
+    std::string seen;
+    static void add(void* self, int32_t, const char* line) { static_cast<Lines*>(self)->seen += line; }
+  } lines;
+  endo_options options = default_options(at);
+  options.log = Lines::add;
+  options.log_context = &lines;
+  const Opened estimator(at, options);
+  const Pair good(width, height, 9);
+  const auto quality = [&](const std::vector<uint8_t>& left, const std::vector<uint8_t>& right) {
+    Pair pair = good;
+    pair.left = left;
+    pair.right = right;
+    Output out(pixels);
+    CHECK(estimator.predict(pair, out) == ENDO_OK);
+    return out.result.quality;
+  };
+  const std::vector<uint8_t> black(3 * pixels, 0);
+  const std::vector<uint8_t> gray(3 * pixels, 128);
+  const std::vector<uint8_t> other_scene(good.left.rbegin(), good.left.rend());
+  CHECK(quality(good.left, good.right) == ENDO_QUALITY_OK && lines.seen.empty());
+  for (const auto* covered : {&black, &gray}) {
+    CHECK(quality(*covered, *covered) == ENDO_QUALITY_INVALID);
+    CHECK(quality(*covered, good.right) == ENDO_QUALITY_INVALID);
+    CHECK(quality(good.left, *covered) == ENDO_QUALITY_INVALID);
+  }
+  CHECK(quality(good.left, good.left) == ENDO_QUALITY_INVALID);
+  CHECK(quality(good.left, other_scene) == ENDO_QUALITY_INVALID);
+  CHECK(lines.seen.find("do not show the same") != std::string::npos);
+  lines.seen.clear();
+  CHECK(quality(good.left, good.right) == ENDO_QUALITY_OK && lines.seen.empty());
+}
+
 void every_layout_of_a_frame_gives_the_same(const Places& at) {
   const Opened estimator(at);
   const Pair pair(width, height, 9);
@@ -111,6 +146,7 @@ int main(int argc, char** argv) {
   finds_the_disparity_of_a_plane(at);
   a_rig_gives_depth(at);
   surfaces_nearer_than_the_last_plane_are_out_of_range(at);
+  views_that_do_not_belong_together_are_invalid(at);
   every_layout_of_a_frame_gives_the_same(at);
   the_rectified_pair_can_be_seen(at);
 }

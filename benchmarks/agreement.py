@@ -1,0 +1,177 @@
+"""What the rule that both views must agree does: to right pairs, and to pairs that no answer should come of.
+
+    python -m benchmarks.agreement --data DIR [--real DIR] --json benchmarks/results/agreement.json
+
+A network answers whatever it is shown, also one covered camera. The SDK takes the confidence from blocks whose views do
+not correlate at the disparity found, and from the whole frame when most do not. Every pair is answered without the rule
+and with it. `--real` names a folder of real pairs: `scared_rectified`, `chessboard`, `hamlyn_phantom`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.record import machine_record
+from endosdk import StereoCalibration, _core
+from endosdk.dataset import Sample, open_dataset
+from endosdk.image_files import read_frame
+from endosdk.models import read_model
+from endosdk.postprocess import Limits, Maps, postprocess
+from endosdk.rectify import RectifyStage
+from endosdk.session import StereoSession, padded
+
+Picture = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+WRONG = 3.0  # px of the frame
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One pair, answered without the rule and with it."""
+
+    disparity: NDArray[np.float32]
+    without: Mask  # pixels that have an answer
+    ruled: Mask
+
+    def shares(self) -> dict[str, float]:
+        return {"answered_without": round(self.without.mean(), 4), "answered_with": round(self.ruled.mean(), 4)}
+
+
+class Answerer:
+    """A model, run once for each pair."""
+
+    def __init__(self, model: str) -> None:
+        self.session = StereoSession(
+            read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False
+        )
+        self.limits = Limits(0.3, 0.0, math.inf, self.session.info.last_plane)
+
+    def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> Answer:
+        height, width = left.shape[:2]
+        network = _core.usual_network_size(width, height, self.session.info.usual_width or 0)
+        stage = RectifyStage((width, height), rig, network)
+        multiple = self.session.info.input_multiple
+        found = self.session.buffers(padded(network[1], multiple), padded(network[0], multiple))
+        stage(left, right, found.left, found.right, "rgb")
+        self.session.run(found)
+        answered = []
+        for right_view in (None, found.right):
+            maps = Maps.allocate(width, height, metric=False)
+            seen = SimpleNamespace(**{**vars(found), "right": right_view})
+            postprocess(seen, stage, None, self.limits, maps)  # type: ignore[arg-type]
+            answered.append(maps.reasons == 0)
+        return Answer(maps.disparity, *answered)
+
+
+def wrong_pairs(left: Picture, right: Picture) -> Iterator[tuple[str, Picture, Picture]]:
+    """Pairs that do not show one scene at one moment, or nothing at all."""
+    black = np.zeros_like(left)
+    noise = np.random.default_rng(0).integers(0, 256, (2, *left.shape)).astype(np.uint8)
+    yield "both black", black, black
+    yield "both white", black + 255, black + 255
+    yield "left covered", black, right
+    yield "right covered", left, black
+    yield "right frozen grey", left, black + 128
+    yield "noise", noise[0], noise[1]
+    yield "views swapped", right, left
+    yield "twice the left", left, left
+    yield "right upside down", left, np.ascontiguousarray(right[::-1])
+    yield "right 12 rows off", left, np.roll(right, 12, axis=0)
+    yield "right mirrored", left, np.ascontiguousarray(right[:, ::-1])
+
+
+def degraded_pairs(left: Picture, right: Picture) -> Iterator[tuple[str, Picture, Picture]]:
+    """Right pairs in bad light."""
+    yield "a sixteenth of the light", left // 16, right // 16
+    yield "right half as bright", left, right // 2
+    yield "defocused", cv2.GaussianBlur(left, (0, 0), 8), cv2.GaussianBlur(right, (0, 0), 8)
+    rng = np.random.default_rng(1)
+    grain = [np.clip(view + rng.normal(0, 12, view.shape), 0, 255).astype(np.uint8) for view in (left, right)]
+    yield "noise of 12 levels", grain[0], grain[1]
+
+
+def on_truth(answer: Answerer, samples: list[Sample]) -> dict[str, float]:
+    """What the rule drops from right pairs, and how wrong that is beside what it keeps."""
+    dropped, kept, before, after = [], [], [], []
+    for number, sample in enumerate(samples):
+        found = answer(sample.left, sample.right)
+        with np.errstate(invalid="ignore"):
+            error = np.abs(found.disparity - sample.disparity)
+        known = np.isfinite(error)
+        dropped.append(error[known & found.without & ~found.ruled])
+        kept.append(error[known & found.ruled])
+        before.append(found.without.mean())
+        after.append(found.ruled.mean())
+        print(f"pair {number + 1} of {len(samples)}", file=sys.stderr)
+    out, rest = np.concatenate(dropped), np.concatenate(kept)
+    return {
+        "answered_without": round(float(np.mean(before)), 4),
+        "answered_with": round(float(np.mean(after)), 4),
+        "least_answered_without": round(float(np.min(before)), 4),
+        "least_answered_with": round(float(np.min(after)), 4),
+        "epe_of_dropped_px": round(float(out.mean()), 3),
+        "epe_of_kept_px": round(float(rest.mean()), 3),
+        "over_3_px_of_dropped": round(float(np.mean(out > WRONG)), 4),
+        "over_3_px_of_kept": round(float(np.mean(rest > WRONG)), 4),
+    }
+
+
+def real_pairs(folder: Path) -> Iterator[tuple[str, Picture, Picture, StereoCalibration | None]]:
+    """Real pictures with their rigs."""
+    rectified = folder / "scared_rectified"
+    yield "scared_rectified", read_frame(rectified / "left.png"), read_frame(rectified / "right.png"), None
+    phantom = folder / "hamlyn_phantom"
+    left, right = (read_frame(phantom / f"f7_dynamic_deint_{side}_0100.png") for side in "LR")
+    yield "hamlyn_phantom", left, right, StereoCalibration.load(phantom, size=left.shape[1::-1])
+    board = folder / "chessboard"
+    for path in sorted((board / "left").glob("*.png")):
+        left, right = read_frame(path), read_frame(board / "right" / path.name.replace("left", "right"))
+        yield f"chessboard {path.stem}", left, right, StereoCalibration.load(board, size=left.shape[1::-1])
+
+
+def measure(model: str, samples: list[Sample], real: Path | None) -> dict[str, Any]:
+    answer = Answerer(model)
+    views = samples[0].left, samples[0].right
+    record: dict[str, Any] = {"right_pairs": {"pairs": len(samples), **on_truth(answer, samples)}}
+    record["bad_light"] = {name: answer(*pair).shares() for name, *pair in degraded_pairs(*views)}
+    record["wrong_pairs"] = {name: answer(*pair).shares() for name, *pair in wrong_pairs(*views)}
+    if real is not None:
+        record["real_pairs"] = {name: answer(*pair).shares() for name, *pair in real_pairs(real)}
+    return record
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
+    parser.add_argument("--split", default="test")
+    parser.add_argument("--pairs", type=int, default=20, help="so many pairs, evenly from the whole split")
+    parser.add_argument("--real", type=Path, help="folder of real pairs")
+    parser.add_argument("--models", nargs="+", default=["fast", "wang2020"])
+    parser.add_argument("--json", type=Path, required=True)
+    args = parser.parse_args()
+    reader = open_dataset(args.data, args.split)
+    samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
+    record = {
+        "dataset": {"name": reader.name, "split": args.split, "sha256": reader.sha256},
+        "models": {model: measure(model, samples, args.real) for model in args.models},
+        **machine_record(),
+    }
+    args.json.parent.mkdir(parents=True, exist_ok=True)
+    args.json.write_text(json.dumps(record, indent=1) + "\n")
+    print(json.dumps(record["models"], indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""Whether two views agree where they were matched: against the numpy twin, and what it does to wrong pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from endosdk import _core
+from tests import reference
+from tests.conftest import shifted_pair
+
+
+@pytest.fixture(autouse=True)
+def restore_threads():
+    threads = _core.threads()
+    yield
+    _core.set_threads(threads)
+
+
+def confidence_of(
+    disparity: np.ndarray, confidence: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
+) -> np.ndarray:
+    """The confidence map of a frame that the network saw as it is, at the resolution of the grids' cells."""
+    stride = left.shape[2] // disparity.shape[1]
+    shape = (height, width)
+    maps = [np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.uint8)]
+    scale = 1 / stride
+    _core.postprocess(disparity, confidence, scale, scale, 1.0, *maps, left, None, None, 0.3, right_image=right)
+    return maps[1]
+
+
+def padded(frame: np.ndarray, multiple: int) -> np.ndarray:
+    height, width = (-(-side // multiple) * multiple for side in frame.shape[:2])
+    return np.ascontiguousarray(reference.planar(frame, "rgb", height, width))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize(
+    ("height", "width", "stride"), [(64, 96, 1), (90, 131, 8), (200, 620, 4), (9, 20, 2), (1, 1, 1)]
+)
+def test_equals_twin(height, width, stride, threads):
+    rng = np.random.default_rng(height)
+    left, right = shifted_pair(height, width, 6)
+    right[:, width // 2 :] = rng.integers(0, 256, right[:, width // 2 :].shape)  # another scene
+    left[: height // 4, : width // 3] = 77  # flat
+    views = padded(left, 8), padded(right, 8)
+    grid = views[0].shape[1] // stride, views[0].shape[2] // stride
+    disparity = (6 + rng.normal(0, 0.6, grid)).astype(np.float32)
+    wild = rng.choice(disparity.size, min(disparity.size, 5), replace=False)
+    disparity.reshape(-1)[wild] = [np.nan, np.inf, -np.inf, -3.0, 1e9][: len(wild)]
+    confidence = rng.uniform(0.2, 1, grid).astype(np.float32)
+    expected, _ = reference.supported_confidence(disparity, confidence, *views, height, width)
+    _core.set_threads(threads)
+    seen = confidence_of(disparity, confidence, *views, height, width)
+    twin = reference.resize_bilinear(expected, height, width, 1 / stride, 1 / stride, 1.0)
+    np.testing.assert_allclose(seen, twin, atol=1e-5)
+    if height > 16:
+        assert 0.05 < np.mean(expected == 0) < 0.95
+
+
+@pytest.mark.parametrize(
+    "wrong", ["another moment", "covered", "swapped", "misaligned", "black", "noise", "twice the left"]
+)
+def test_views_that_do_not_belong_together_have_no_answer(wrong):
+    left, right = shifted_pair(180, 240, 9)
+    rng = np.random.default_rng(1)
+    if wrong == "another moment":
+        right = shifted_pair(180, 240, 9, seed=5)[1]
+    elif wrong == "covered":
+        right[:] = 3
+    elif wrong == "swapped":
+        left, right = right, left
+    elif wrong == "misaligned":
+        right = np.roll(right, 25, axis=0)
+    elif wrong == "twice the left":
+        right = left
+    elif wrong == "black":
+        left[:], right[:] = 0, 0
+    else:
+        left, right = rng.integers(0, 256, (2, *left.shape)).astype(np.uint8)
+    views = padded(left, 8), padded(right, 8)
+    disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 0 if right is left else 9, np.float32)
+    confidence = np.ones_like(disparity)
+    seen = confidence_of(disparity, confidence, *views, 180, 240)
+    assert np.mean(seen > 0) < 0.05
+
+
+def test_exposure_and_colour_of_a_camera_do_not_matter():
+    left, right = shifted_pair(180, 240, 9)
+    right = (0.3 * right + 20).astype(np.uint8)
+    right[..., [0, 2]] = 0
+    views = padded(left, 8), padded(right, 8)
+    disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 9, np.float32)
+    seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
+    assert np.all(seen == 1)
+
+
+def test_a_right_view_of_another_shape_is_refused():
+    grid = np.ones((8, 8), np.float32)
+    view = np.zeros((3, 32, 32), np.uint8)
+    with pytest.raises(ValueError, match="right_image: must have the shape of image; got 16x32"):
+        confidence_of(grid, grid, view, np.zeros((3, 32, 16), np.uint8), 32, 32)
