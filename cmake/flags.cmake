@@ -17,6 +17,7 @@ target_compile_options(
             -ffile-prefix-map=${CMAKE_SOURCE_DIR}=endosdk
             -ffile-prefix-map=${CMAKE_BINARY_DIR}=build
             -fstack-protector-strong
+            -fstack-clash-protection
             $<$<CONFIG:Release>:-D_FORTIFY_SOURCE=2>)
 target_link_options(endosdk_flags INTERFACE LINKER:-z,relro,-z,now,-z,noexecstack)
 

@@ -33,6 +33,7 @@ from tests.conftest import ROOT
 # The environment's own CMake and Ninja serve where the system has none.
 os.environ["PATH"] = os.pathsep.join([os.environ["PATH"], str(Path(sys.executable).parent)])
 
+HEADER = ROOT / "cpp" / "include" / "endosdk" / "endosdk.h"
 BUILD = ROOT / "build" / "release"  # of the preset that vendors use
 FORMATS = {"rgb": 0, "bgr": 1, "gray": 2}
 
@@ -192,6 +193,12 @@ def configure(folder: Path, *options: str) -> None:
     if "No headers of ONNX Runtime" in done.stderr:
         pytest.skip("the headers of ONNX Runtime are not on this machine and cannot be fetched")
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+
+
+def build(folder: Path, *options: str) -> None:
+    """Configure and build; tests inside the folder open this environment's runtime."""
+    configure(folder, f"-DENDOSDK_TEST_RUNTIME={runtime_library()}", *options)
+    cmake("--build", folder, "--parallel")
 
 
 def load(path: Path) -> ctypes.CDLL:

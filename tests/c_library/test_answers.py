@@ -1,0 +1,112 @@
+"""The same frames give the same answers by the C library as by the Python package."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import endosdk
+from tests.c_library import binding as c
+from tests.conftest import TINY_MODEL, shifted_pair
+from tests.rigs import fisheye_rig, raw_rig
+
+RIGS = {
+    "no rig": lambda: None,
+    "raw": raw_rig,
+    "fisheye": fisheye_rig,
+    "rectified": lambda: endosdk.StereoCalibration.rectified(520.0, 4.5, (640, 480), doffs=3.5),
+}
+
+
+@pytest.mark.parametrize("rig_name", RIGS)
+@pytest.mark.parametrize(
+    ("size", "network_size"), [((640, 480), None), ((640, 480), (320, 200)), ((331, 245), None)], ids=str
+)
+def test_same_maps_as_python(library, rig_name, size, network_size):
+    rig = RIGS[rig_name]()
+    if rig is not None and size != (rig.width, rig.height):
+        rig = rig.scaled(*size)
+    left, right = shifted_pair(size[1], size[0], 11)
+    left[40:60, 50:90] = 255  # glare
+    python = endosdk.DepthEstimator(TINY_MODEL, calibration=rig, network_size=network_size)
+    expected = python.predict(left, right)
+    width, height = network_size or (0, 0)
+    estimator = c.CEstimator(library, TINY_MODEL, rig, network_width=width, network_height=height)
+    names = tuple(c.MAPS) if rig else ("disparity", "confidence", "reasons", "disparity_u16")
+    result, maps = estimator.predict(left, right, maps=names)
+    estimator.close()
+    np.testing.assert_allclose(maps["disparity"], expected.disparity, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(maps["confidence"], expected.confidence, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(maps["reasons"], expected.reasons)
+    assert (maps["reasons"] & endosdk.Reason.SATURATED).any()
+    assert result.valid_share == expected.valid_share
+    assert result.quality == expected.status
+    answered = expected.reasons == 0
+    steps = np.where(answered, np.clip(np.round(256 * expected.disparity), 0, 65535), 0)
+    assert np.abs(maps["disparity_u16"] - steps).max() <= 1
+    if rig is None:
+        return
+    np.testing.assert_allclose(maps["depth"], expected.depth, rtol=1e-6)
+    np.testing.assert_allclose(maps["sigma"], expected.sigma, rtol=1e-6)
+    tenths = np.where(answered, np.clip(10 * np.nan_to_num(expected.depth), 0, 65535), 0)
+    assert np.abs(maps["depth_u16"] - tenths).max() <= 0.51 + 1e-6 * 65535
+
+
+@pytest.mark.parametrize("order", ["bgr", "gray"])
+def test_same_maps_for_other_pixels(library, order):
+    left, right = shifted_pair(120, 200, 7)
+    if order == "gray":
+        left, right = (np.ascontiguousarray(view[:, :, 1]) for view in (left, right))
+    channel_order = "rgb" if order == "gray" else order
+    expected = endosdk.DepthEstimator(TINY_MODEL, channel_order=channel_order).predict(left, right)
+    estimator = c.CEstimator(library, TINY_MODEL)
+    _, maps = estimator.predict(left, right, channel_order, maps=("disparity", "reasons"))
+    estimator.close()
+    np.testing.assert_allclose(maps["disparity"], expected.disparity, rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(maps["reasons"], expected.reasons)
+
+
+@pytest.mark.parametrize(("disparity", "network_size"), [(31, (0, 0)), (62, (120, 60))], ids=str)
+def test_same_end_of_the_range_as_python(library, disparity, network_size):
+    left, right = shifted_pair(120, 240, disparity)
+    python = endosdk.DepthEstimator(TINY_MODEL, network_size=network_size if any(network_size) else None)
+    expected = python.predict(left, right).reasons
+    width, height = network_size
+    estimator = c.CEstimator(library, TINY_MODEL, network_width=width, network_height=height)
+    _, maps = estimator.predict(left, right, maps=("reasons",))
+    estimator.close()
+    np.testing.assert_array_equal(maps["reasons"], expected)
+    assert np.mean((expected & endosdk.Reason.OUT_OF_RANGE) != 0) > 0.4
+
+
+@pytest.mark.parametrize("network_width", [None, 120])
+def test_no_answer_is_nearer_than_the_diagnostics_say(library, network_width):
+    left, right = shifted_pair(120, 240, 29)
+    left[:, 120:], right[:, 120:] = shifted_pair(120, 120, 31)
+    rig = endosdk.StereoCalibration.rectified(210.0, 4.5, (240, 120), doffs=2.0)
+    size = {} if network_width is None else {"network_width": network_width, "network_height": network_width // 2}
+    estimator = c.CEstimator(library, TINY_MODEL, rig, **size)
+    assert json.loads(estimator.diagnostics())["nearest_depth_mm"] is None  # no frame size yet
+    _, maps = estimator.predict(left, right)
+    nearest = json.loads(estimator.diagnostics())["nearest_depth_mm"]
+    estimator.close()
+    assert nearest == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * (240 / (network_width or 240)) + 2.0), rel=1e-6)
+    assert np.nanmin(maps["depth"]) >= nearest * (1 - 1e-6)
+
+
+@pytest.mark.parametrize("rig_name", [name for name in RIGS if name != "no rig"])
+def test_same_geometry_and_hash_as_python(library, rig_name):
+    rig = RIGS[rig_name]()
+    expected = rig.rectification()
+    estimator = c.CEstimator(library, TINY_MODEL, rig)
+    geometry = estimator.geometry()
+    report = json.loads(estimator.diagnostics())
+    estimator.close()
+    assert bool(geometry.rectifies) is not rig.is_rectified
+    for name in ("focal_px", "baseline_mm", "cx", "cy", "doffs"):
+        assert getattr(geometry, name) == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9), name
+    assert report["calibration_sha256"] == rig.sha256
+    assert report["model"]["sha256"] == endosdk.DepthEstimator(TINY_MODEL).model.sha256
+    assert report["onnxruntime_telemetry"] == "off"

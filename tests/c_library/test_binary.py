@@ -1,0 +1,94 @@
+"""What is in the binary and what it does behind the caller's back: exports, hardening, paths, ABI, network."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.c_library import binding as c
+from tests.conftest import ROOT, TINY_MODEL
+
+ABI = ROOT / "cpp" / "abi" / "libendosdk-0.1.0.abi"
+
+
+def output_of(*command: str | Path) -> str:
+    if shutil.which(str(command[0])) is None:
+        pytest.skip(f"no {command[0]}")
+    return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True).stdout
+
+
+def declared_functions() -> set[str]:
+    return set(re.findall(r"^ENDO_API [^;]*?\b(endo_\w+)\(", c.HEADER.read_text(), re.M))
+
+
+def test_exports_are_the_header_and_nothing_else(installed):
+    symbols = output_of("nm", "-D", "--defined-only", "--with-symbol-versions", installed.library)
+    functions = {line.split()[-1] for line in symbols.splitlines() if " T " in line}
+    assert functions == {f"{name}@@ENDOSDK_0.1" for name in declared_functions()}
+    assert not [line for line in symbols.splitlines() if re.search(r" [VWDB] ", line)]
+    assert len(functions) <= 20
+    assert declared_functions() == set(c.SIGNATURES)
+
+
+def test_the_binary_is_hardened_and_needs_only_the_system(installed):
+    headers = output_of("readelf", "--wide", "--program-headers", "--dynamic", installed.library)
+    assert "GNU_RELRO" in headers
+    assert re.search(r"GNU_STACK.* RW ", headers)
+    assert re.search(r"\(FLAGS\).*BIND_NOW|\(FLAGS_1\).*NOW", headers)
+    assert "RPATH" not in headers and "RUNPATH" not in headers
+    needed = set(re.findall(r"\(NEEDED\).*\[(.*)\]", headers))
+    assert needed <= {"libstdc++.so.6", "libm.so.6", "libgcc_s.so.1", "libc.so.6", "ld-linux-x86-64.so.2"}
+    assert re.search(r"\(SONAME\).*\[libendosdk\.so\.0\]", headers)
+    symbols = output_of("nm", "-D", "--undefined-only", installed.library)
+    assert "__stack_chk_fail" in symbols
+    assert "__memcpy_chk" in symbols  # fortified
+    assert "socket" not in symbols and "getaddrinfo" not in symbols
+
+
+def test_the_binary_does_not_tell_where_it_was_built(installed):
+    content = installed.library.read_bytes()
+    for path in (ROOT, c.BUILD, Path.home()):
+        assert str(path).encode() not in content
+
+
+def test_the_abi_is_that_of_the_first_release(installed):
+    if shutil.which("abidiff") is None:
+        pytest.skip("abidiff is not installed (Debian: abigail-tools)")
+    options = ["--no-show-locs", "--exported-interfaces-only", "--no-added-syms", "--headers-dir2", c.HEADER.parent]
+    done = subprocess.run(["abidiff", *options, ABI, installed.library], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def watcher(tmp_path_factory) -> Iterator[Path]:
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    library = tmp_path_factory.mktemp("watch") / "watch_network.so"
+    source = ROOT / "tests" / "data" / "watch_network.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
+    yield library
+
+
+def test_a_thousand_frames_reach_nobody_and_leave_nothing(installed, watcher, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    log = tmp_path / "network.log"
+    program = next(installed.build.rglob("library_steadiness"))
+    # The runtime keeps its reporter off by itself on CI machines, so the proof must run without their variables.
+    silent = ("CI", "GITHUB_ACTIONS", "ORT_DISABLE_TELEMETRY")
+    plain = {name: value for name, value in os.environ.items() if name not in silent}
+    plain |= {"LD_PRELOAD": str(watcher), "WATCH_NETWORK_LOG": str(log), "HOME": str(home), "XDG_CACHE_HOME": str(home)}
+    subprocess.run([program, c.runtime_library(), TINY_MODEL, "1000"], env=plain, check=True, capture_output=True)
+    assert not log.exists()
+    assert list(home.rglob("*")) == []
+    # The watcher does see: a program that asks for a host is noted.
+    talk = "import socket\ntry: socket.getaddrinfo('example.invalid', 80)\nexcept OSError: pass"
+    subprocess.run([sys.executable, "-c", talk], env=plain, check=True)
+    assert "example.invalid" in log.read_text()

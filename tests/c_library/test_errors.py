@@ -1,0 +1,116 @@
+"""What the C library refuses, it refuses as the Python package does, and by the same numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+
+import pytest
+
+import endosdk
+from endosdk.errors import ErrorCode
+from tests.c_library import binding as c
+from tests.conftest import TINY_MODEL
+
+
+def edited_model(change) -> bytes:
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(TINY_MODEL)
+    change(onnx, model)
+    return model.SerializeToString()
+
+
+def drop_metadata(onnx, model):
+    del model.metadata_props[:]
+
+
+def claim(key, value):
+    def change(onnx, model):
+        next(p for p in model.metadata_props if p.key == f"endosdk.{key}").value = value
+
+    return change
+
+
+def rename_input(onnx, model):
+    for node in model.graph.node:
+        node.input[:] = ["links" if name == "left" else name for name in node.input]
+    next(i for i in model.graph.input if i.name == "left").name = "links"
+
+
+def double_disparity(onnx, model):
+    for node in model.graph.node:
+        node.output[:] = ["half" if name == "disparity" else name for name in node.output]
+        node.input[:] = ["half" if name == "disparity" else name for name in node.input]
+    model.graph.node.append(onnx.helper.make_node("Add", ["half", "half"], ["disparity"]))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        drop_metadata,
+        claim("format_version", "2"),
+        claim("channel_order", "bgr"),
+        claim("training", "{not json"),
+        claim("input_multiple", "0"),
+        claim("output_stride", "-4"),
+        claim("max_disparity", "many"),
+        claim("last_plane", "33"),
+        claim("name", ""),
+        rename_input,
+    ],
+    ids=lambda change: change.__name__,
+)
+def test_bad_models_are_refused_as_in_python(library, change):
+    model = edited_model(change)
+    with pytest.raises(endosdk.EndoError) as python:
+        endosdk.DepthEstimator(model)
+    with pytest.raises(c.CError) as seen:
+        c.CEstimator(library, model)
+    assert seen.value.name == python.value.code.name == "MODEL_METADATA"
+
+
+def test_one_flipped_byte_is_refused_when_the_model_is_pinned(library):
+    data = TINY_MODEL.read_bytes()
+    digest = hashlib.sha256(data).hexdigest().upper().encode()
+    c.CEstimator(library, data, model_sha256=digest).close()
+    flipped = bytearray(data)
+    flipped[len(data) // 2] ^= 1
+    with pytest.raises(c.CError, match="SHA-256") as seen:
+        c.CEstimator(library, bytes(flipped), model_sha256=digest)
+    assert seen.value.name == "MODEL_HASH_MISMATCH"
+
+
+OLD_RUNTIME = """
+#include <stdint.h>
+static const void *api(uint32_t version) { return version > 20 ? 0 : ""; }
+static const char *name(void) { return "1.20.1"; }
+static const struct { const void *(*api)(uint32_t); const char *(*name)(void); } base = {api, name};
+const void *OrtGetApiBase(void) { return &base; }
+"""
+
+
+def test_a_runtime_that_is_too_old_is_refused_by_its_version(library, tmp_path):
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    (tmp_path / "old.c").write_text(OLD_RUNTIME)
+    runtime = tmp_path / "libonnxruntime.so.1.20.1"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", runtime, tmp_path / "old.c"], check=True)
+    with pytest.raises(c.CError, match=r"1\.21 or later .* got .*, 1\.20\.1") as seen:
+        c.CEstimator(library, TINY_MODEL, runtime_library=bytes(runtime))
+    assert seen.value.name == "RUNTIME_MISSING"
+
+
+def test_self_test_finds_a_wrong_answer(library):
+    estimator = c.CEstimator(library, edited_model(double_disparity))
+    with pytest.raises(c.CError, match="half of a plane") as seen:
+        estimator.self_test()
+    estimator.close()
+    assert seen.value.name == "SELF_TEST_FAILED"
+
+
+def test_status_numbers_are_pythons():
+    numbers = dict(re.findall(r"^    ENDO_([A-Z_]+) = (\d+)[,\s]", c.HEADER.read_text().split("endo_status;")[0], re.M))
+    assert len(numbers) == 16
+    assert {name: int(number) for name, number in numbers.items()}.items() <= ErrorCode.__members__.items()

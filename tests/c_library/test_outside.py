@@ -1,0 +1,155 @@
+"""The C library as an outside project meets it: installed, found by CMake and pkg-config, linked, run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import endosdk
+from tests.c_library import binding as c
+from tests.conftest import TINY_MODEL, shifted_pair
+
+
+def write_ppm(path: Path, picture: np.ndarray) -> None:
+    path.write_bytes(b"P6\n# a comment\n%d %d\n255\n" % picture.shape[1::-1] + picture.tobytes())
+
+
+def read_pgm16(path: Path) -> np.ndarray:
+    _, size, most, pixels = path.read_bytes().split(b"\n", 3)
+    assert most == b"65535"
+    width, height = map(int, size.split())
+    return np.frombuffer(pixels, ">u2").reshape(height, width)
+
+
+def test_depth_cli_gives_pythons_depth(examples, environment, tmp_path):
+    left, right = shifted_pair(120, 200, 7)
+    write_ppm(tmp_path / "left.ppm", left)
+    write_ppm(tmp_path / "right.ppm", right)
+    files = [str(tmp_path / name) for name in ("left.ppm", "right.ppm", "depth.pgm")]
+    command = [str(examples / "depth_cli"), str(TINY_MODEL), *files, "210", "4.5"]
+    subprocess.run(command, check=True, env=environment, capture_output=True)
+    rig = endosdk.StereoCalibration.rectified(210.0, 4.5, (200, 120))
+    expected = endosdk.DepthEstimator(TINY_MODEL, calibration=rig).predict(left, right).depth
+    depth = read_pgm16(tmp_path / "depth.pgm")
+    np.testing.assert_array_equal(depth == 0, np.isnan(expected))
+    assert np.nanmax(np.abs(0.1 * depth - expected)[depth > 0]) < 0.06
+
+
+def test_depth_cli_says_what_is_wrong(examples, environment, tmp_path):
+    (tmp_path / "left.ppm").write_bytes(b"P3 no")
+    command = [str(examples / "depth_cli"), str(TINY_MODEL), *[str(tmp_path / "left.ppm")] * 2, "out.pgm"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "P5 or P6" in done.stderr
+
+
+def test_live_answers_every_frame_or_says_it_skipped(examples, environment):
+    left, right = shifted_pair(64, 96, 7)
+    command = [str(examples / "live"), str(TINY_MODEL), "96", "64", "1000"]
+    frames = 40 * (left.tobytes() + right.tobytes())
+    done = subprocess.run(command, input=frames, env=environment, capture_output=True, check=True)
+    found = re.search(rb"(\d+) frames computed, (\d+) skipped, 0 late", done.stdout)
+    assert found is not None, done.stdout
+    assert int(found[1]) >= 1
+    assert int(found[1]) + int(found[2]) == 40
+    assert b"p99" in done.stdout
+
+
+def test_the_headers_own_program_runs(installed, environment, tmp_path):
+    """The program that opens endosdk.h, found by pkg-config, built by a C compiler that knows no CMake."""
+    comment = c.HEADER.read_text().split("*/")[0]
+    lines = comment.splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("    #include"))
+    last = next(i for i, line in enumerate(lines) if line == "    }")
+    (tmp_path / "program.c").write_text("\n".join(line[4:] for line in lines[first : last + 1]) + "\n")
+    shutil.copy(TINY_MODEL, tmp_path / "wang2020.onnx")
+    flags = pkg_config(installed.prefix, environment)
+    strict = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-Wl,-rpath,{installed.library.parent}"]
+    subprocess.run(["cc", *strict, "program.c", "-o", "program", *flags], cwd=tmp_path, check=True)
+    left, right = shifted_pair(720, 960, 9)
+    done = subprocess.run(
+        ["./program"],
+        input=left.tobytes() + right.tobytes(),
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
+    assert re.fullmatch(rb"frame 1: (8\.\d|9\.\d) px in the middle\n", done.stdout), done.stdout
+
+
+def pkg_config(prefix: Path, environment: dict[str, str]) -> list[str]:
+    """Flags to compile and link with the library installed there; skip where no compiler could use them."""
+    if shutil.which("pkg-config") is None or shutil.which("cc") is None:
+        pytest.skip("no pkg-config or no C compiler")
+    folder = next(prefix.glob("lib*/**/endosdk.pc")).parent
+    done = subprocess.run(
+        ["pkg-config", "--cflags", "--libs", "endosdk"],
+        env={**environment, "PKG_CONFIG_PATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize("place", ["variable", "beside the library", "active environment"])
+def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path, place):
+    left, right = shifted_pair(48, 64, 5)
+    write_ppm(tmp_path / "left.ppm", left)
+    write_ppm(tmp_path / "right.ppm", right)
+    runtime = c.runtime_library()
+    known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV"}
+    variables = {name: value for name, value in os.environ.items() if name not in known}
+    beside = installed.library.parent / runtime.name
+    if place == "variable":
+        variables["ENDOSDK_ORT_LIBRARY"] = str(runtime)
+    elif place == "active environment":
+        packages = tmp_path / "venv" / "lib" / "python3.11" / "site-packages"
+        packages.mkdir(parents=True)
+        (packages / "onnxruntime").symlink_to(runtime.parents[1])
+        variables["VIRTUAL_ENV"] = str(tmp_path / "venv")
+    else:
+        beside.symlink_to(runtime)
+    files = [str(tmp_path / name) for name in ("left.ppm", "right.ppm", "depth.pgm")]
+    try:
+        subprocess.run([examples / "depth_cli", TINY_MODEL, *files], env=variables, check=True, capture_output=True)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def test_a_runtime_that_was_named_is_not_replaced_by_another(examples, installed, tmp_path):
+    write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
+    variables = {**os.environ, "ENDOSDK_ORT_LIBRARY": "/no/such/library.so", "VIRTUAL_ENV": sys.prefix}
+    files = [str(tmp_path / "view.ppm")] * 2 + [str(tmp_path / "depth.pgm")]
+    done = subprocess.run(
+        [examples / "depth_cli", TINY_MODEL, *files], env=variables, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "/no/such/library.so" in done.stderr and "RUNTIME_MISSING" in done.stderr
+
+
+@pytest.mark.parametrize("found_by", ["cmake", "pkg-config"])
+def test_a_static_library_links_into_one_program(sanitized, environment, tmp_path, found_by):
+    prefix = tmp_path / "sdk"
+    c.cmake("--install", sanitized, "--prefix", prefix)
+    source = c.ROOT / "cpp" / "examples"
+    if found_by == "cmake":
+        c.cmake("-S", source, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={prefix}")
+        c.cmake("--build", tmp_path / "build", "--target", "depth_cli")
+        program = tmp_path / "build" / "depth_cli"
+    else:
+        program = tmp_path / "depth_cli"
+        flags = [*pkg_config(prefix, environment), "-fsanitize=address,undefined"]
+        subprocess.run(["cc", "-std=c11", source / "depth_cli.c", "-o", program, *flags], check=True)
+    write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
+    files = [tmp_path / "view.ppm"] * 2 + [tmp_path / "disparity.pgm"]
+    subprocess.run([program, TINY_MODEL, *files], env=environment, check=True, capture_output=True)
+    assert read_pgm16(tmp_path / "disparity.pgm").shape == (48, 64)
