@@ -54,8 +54,8 @@ class DepthResult:
 
     ``disparity`` is dense, px of this map (``x_right = x_left - disparity``). ``confidence`` is the probability, 0..1,
     that the disparity is right to one pixel on the grid the network saw; it is 0 where the two views do not agree at
-    that disparity, and everywhere when they do not show the same. ``reasons`` holds `Reason` bits, 0 where the pixel has
-    an answer. Depth and sigma are NaN exactly where ``reasons`` is not 0.
+    that disparity, and everywhere when they do not show the same. ``reasons`` holds `Reason` bits, 0 where the pixel
+    has an answer. Depth and sigma are NaN exactly where ``reasons`` is not 0.
     """
 
     disparity: FloatMap
