@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 
 import numpy as np
 import pytest
 
 import endosdk
+from endosdk.dataset import read_disparity
+from endosdk.image_files import read_frame
+from endosdk.models import shipped_models
 from tests.c_library import binding as c
-from tests.conftest import TINY_MODEL, shifted_pair
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.rigs import fisheye_rig, raw_rig
 
+DEMO = ROOT / "examples" / "data" / "demo"
 RIGS = {
     "no rig": lambda: None,
     "raw": raw_rig,
@@ -94,6 +99,26 @@ def test_no_answer_is_nearer_than_the_diagnostics_say(library, network_width):
     estimator.close()
     assert nearest == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * (240 / (network_width or 240)) + 2.0), rel=1e-6)
     assert np.nanmin(maps["depth"]) >= nearest * (1 - 1e-6)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_models()))
+def test_shipped_models_find_the_truth_and_pythons_maps(library, name):
+    path = shipped_models()[name]
+    rig = endosdk.StereoCalibration.load(DEMO.parent / "rig.json")
+    left, right = (read_frame(DEMO / f"{side}.png") for side in ("left", "right"))
+    estimator = c.CEstimator(library, path, rig, model_sha256=hashlib.sha256(path.read_bytes()).hexdigest().encode())
+    estimator.self_test()
+    result, maps = estimator.predict(left, right)
+    again = estimator.predict(left, right)[1]
+    estimator.close()
+    expected = endosdk.DepthEstimator(path, calibration=rig).predict(left, right)
+    np.testing.assert_allclose(maps["disparity"], expected.disparity, rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(maps["reasons"], expected.reasons)
+    for map_name, values in maps.items():
+        assert values.tobytes() == again[map_name].tobytes(), map_name
+    truth = read_disparity(DEMO / "disparity.png")
+    assert result.quality == endosdk.Status.OK
+    assert np.nanmedian(np.abs(maps["disparity"] - truth)[maps["reasons"] == 0]) < 0.5
 
 
 @pytest.mark.parametrize("rig_name", [name for name in RIGS if name != "no rig"])
