@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose
-from endosdk.simulation.effects import Effects, subsample_chroma, turning
+from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning
 from endosdk.simulation.recipe import Recipe
+from endosdk.simulation.scene import draw_scene
 
 HERE = Pose(np.array([1.0, 2.0, 3.0]), np.eye(3))
 
@@ -38,11 +42,30 @@ def test_chroma_is_shared_by_four_pixels_and_brightness_is_not() -> None:
 
 def test_settings_that_came_later_do_not_change_older_sets() -> None:
     assert not {"effects", "frames"} & set(Recipe().described())
-    assert Recipe(effects=Effects(chroma=True)).described()["effects"]["chroma"] is True
+    chroma = Recipe(effects=Effects(chroma=True)).described()["effects"]
+    assert chroma == {"motion_px": 0.0, "shutter": 0.0, "chroma": True}
+    assert Recipe(effects=Effects(bubbles=True)).described()["effects"]["bubbles"] is True
 
 
-@pytest.mark.parametrize("values", [{"motion_px": -1.0}, {"motion_px": 51.0}, {"shutter": 1.1}, {"shutter": -0.1}])
-def test_impossible_effects_are_refused(values: dict[str, float]) -> None:
+@pytest.mark.parametrize("organ", ["intestine", "abdomen"])
+def test_a_single_lamp_and_bubbles_change_nothing_else(organ: str) -> None:
+    scene = draw_scene(5, organ)
+    assert affected(scene, Effects()) is scene
+    lit = affected(scene, Effects(emitters=1))
+    assert len(set(lit.lamp.emitters)) == 1
+    assert replace(lit, lamp=scene.lamp) == scene
+    foamy = affected(scene, Effects(bubbles=True))
+    kinds = {part.tissue.kind for part in foamy.parts if part.tissue.bubbles}
+    assert kinds == {part.tissue.kind for part in scene.parts} & {"colon", "gastric", "duct"}
+    assert bool(kinds) == (organ == "intestine")
+    plain = tuple(replace(part, tissue=replace(part.tissue, bubbles=0.0)) for part in foamy.parts)
+    assert replace(foamy, parts=plain) == scene
+
+
+@pytest.mark.parametrize(
+    "values", [{"motion_px": -1.0}, {"motion_px": 51.0}, {"shutter": 1.1}, {"shutter": -0.1}, {"emitters": 3}]
+)
+def test_impossible_effects_are_refused(values: dict[str, Any]) -> None:
     with pytest.raises(InvalidArgument, match=f"^{next(iter(values))}: "):
         Effects(**values)
 

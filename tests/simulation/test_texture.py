@@ -36,6 +36,16 @@ def test_detail_is_neutral_on_average() -> None:
     np.testing.assert_allclose(texture.detail.mean((0, 1)), 128, atol=6)
 
 
+def test_bubbles_are_painted_here_and_there_and_wet() -> None:
+    tissue = draw_tissue(np.random.default_rng(6), "gastric")
+    plain, foamy = (paint_tissue(replace(tissue, bubbles=b), (6, 1), (60.0, 60.0), 512) for b in (0.0, 1.0))
+    changed = (plain.albedo[..., :3] != foamy.albedo[..., :3]).any(-1)
+    assert 0.002 < changed.mean() < 0.3
+    assert (foamy.albedo[..., 3] >= plain.albedo[..., 3]).all()
+    assert foamy.albedo[changed][:, 3].mean() > plain.albedo[changed][:, 3].mean() + 50
+    assert foamy.detail.tobytes() == plain.detail.tobytes()
+
+
 def test_more_vessels_cover_more() -> None:
     tissue = replace(draw_tissue(np.random.default_rng(4), "serosa"), vessel_mm=0.8, deep=0.5)
     covered = []

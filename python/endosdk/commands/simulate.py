@@ -31,6 +31,8 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "shutter": (0.0, "video: share of the frame time it is open"),
     "motion_blur": (0.0, "pairs: longest streak in px"),
     "chroma": (False, "one colour for four pixels, as in 4:2:0 video"),
+    "bubbles": (False, "in the film on a mucosa"),
+    "emitters": (2, "1 or 2: places at the camera from which light comes"),
 }
 
 
@@ -118,6 +120,8 @@ def _recipe(args: argparse.Namespace) -> Recipe:
         **{name: chosen[name] for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig")},
         camera=StereoCamera(chosen["width"], chosen["height"], chosen["focal"], chosen["baseline"]),
         limits=Limits(chosen["min_disparity"], chosen["max_disparity"]),
-        effects=Effects(chosen["motion_blur"], chosen["shutter"], chosen["chroma"]),
+        effects=Effects(
+            chosen["motion_blur"], chosen["shutter"], chosen["chroma"], chosen["bubbles"], chosen["emitters"]
+        ),
         frames=chosen["frames"] if video else 0,
     )

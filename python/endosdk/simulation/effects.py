@@ -1,8 +1,9 @@
-"""Effects of real cameras that are off unless asked for: motion blur and chroma subsampling."""
+"""What is off unless asked for: motion blur, chroma subsampling, bubbles, a single lamp."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,23 +11,51 @@ from numpy.typing import NDArray
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose
 from endosdk.simulation.curve import Floats
+from endosdk.simulation.scene import Scene
 
 MOST_INSTANTS = 8
+BUBBLES = (0.2, 1.0)
+MUCOSAE = ("colon", "gastric", "duct")
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What a real camera adds."""
+    """What a real camera, or a real organ, adds."""
 
     motion_px: float = 0.0  # single pairs: longest streak that a turn of the hand leaves while the shutter is open
     shutter: float = 0.0  # video: share of the time between two frames that the shutter is open
     chroma: bool = False  # one colour for four pixels, as in 4:2:0 video
+    bubbles: bool = False  # in the film on the mucosa
+    emitters: int = 2  # places from which light comes
 
     def __post_init__(self) -> None:
         if not 0 <= self.motion_px <= 50:
             raise InvalidArgument("motion_px", "must be within 0..50 px", self.motion_px)
         if not 0 <= self.shutter <= 1:
             raise InvalidArgument("shutter", "must be within 0..1", self.shutter)
+        if self.emitters not in (1, 2):
+            raise InvalidArgument("emitters", "must be 1 or 2", self.emitters)
+
+    def described(self) -> dict[str, Any]:
+        """Return all settings as plain values; the later ones only where used, so that older sets stay the same."""
+        usual = Effects()
+        later = ("bubbles", "emitters")
+        return {k: v for k, v in asdict(self).items() if k not in later or v != getattr(usual, k)}
+
+
+def affected(scene: Scene, effects: Effects) -> Scene:
+    """Return the scene with what these effects change in it."""
+    if effects.emitters == 1:
+        one = scene.lamp.emitters[0]
+        scene = replace(scene, lamp=replace(scene.lamp, emitters=(one, one)))
+    if effects.bubbles:
+        strength = float(np.random.default_rng((scene.seed, 12)).uniform(*BUBBLES))
+        parts = [
+            replace(part, tissue=replace(part.tissue, bubbles=strength)) if part.tissue.kind in MUCOSAE else part
+            for part in scene.parts
+        ]
+        scene = replace(scene, parts=tuple(parts))
+    return scene
 
 
 def turning(pose: Pose, motion_px: float, focal_px: float, seed: int) -> tuple[Pose, ...]:

@@ -11,7 +11,7 @@ from endosdk.calibration import StereoCalibration
 from endosdk.dataset import Sample
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, aligned_pair
 from endosdk.simulation.curve import Floats
-from endosdk.simulation.effects import Effects, subsample_chroma, turning
+from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning
 from endosdk.simulation.noise import Array
 from endosdk.simulation.renderer import Renderer
 from endosdk.simulation.sample import NO_EFFECTS, Limits, Placed, draw_light, draw_pair, load_scene, place_camera
@@ -77,7 +77,7 @@ def render_raw_sample(
     geometry = rig.rectification()
     pair = aligned_pair(geometry.P1[:, :3], geometry.width, geometry.height, geometry.baseline_mm)
     camera = StereoCamera(geometry.width, geometry.height, geometry.focal_px, geometry.baseline_mm)
-    scene = draw_scene(seed, organ)
+    scene = affected(draw_scene(seed, organ), effects)
     load_scene(renderer, scene, camera)
     placed = place_camera(renderer, scene, camera, limits)
     instants = turning(placed.pose, effects.motion_px, camera.focal_px, seed)

@@ -77,6 +77,7 @@ class Recipe:
     def described(self) -> dict[str, Any]:
         """Return all settings as plain values; the later ones only where used, so that older sets stay the same."""
         plain = asdict(self)
+        plain["effects"] = self.effects.described()
         if self.effects == Effects():
             del plain["effects"]
         if not self.frames:

@@ -11,7 +11,7 @@ import numpy as np
 from endosdk.dataset import Sample, find_occlusion
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, rectified_pair
-from endosdk.simulation.effects import Effects, subsample_chroma, turning
+from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning
 from endosdk.simulation.geometry import Mesh, build_mesh
 from endosdk.simulation.instrument import instrument_parts
 from endosdk.simulation.junction import join_lumens
@@ -67,7 +67,7 @@ def render_sample(
     effects: Effects = NO_EFFECTS,
 ) -> Sample:
     """Render the sample of this seed: a function of its arguments and of ``renderer.version`` alone."""
-    scene = draw_scene(seed, organ)
+    scene = affected(draw_scene(seed, organ), effects)
     load_scene(renderer, scene, camera)
     placed = place_camera(renderer, scene, camera, limits)
     instants = turning(placed.pose, effects.motion_px, camera.focal_px, seed)
@@ -226,6 +226,12 @@ def draw_light(
 def describe(placed: Placed) -> dict[str, Any]:
     """Return what was drawn as plain values for the sample's record."""
     record = asdict(placed.scene)
+    for part in record["parts"]:
+        if not part["tissue"]["bubbles"]:  # came later; older sets stay the same
+            del part["tissue"]["bubbles"]
+    if record["instrument"] is not None:
+        for tissue in (record["instrument"]["shaft"], record["instrument"]["steel"]):
+            del tissue["bubbles"]
     record["pose"] = {"position": placed.pose.position.tolist(), "axes": placed.pose.axes.tolist()}
     record["scale"] = placed.scale
     return record

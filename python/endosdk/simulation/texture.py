@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from endosdk.simulation.bubbles import add_bubbles
 from endosdk.simulation.noise import Array, fractal_tile, tile_noise
 from endosdk.simulation.tissue import Tissue
 from endosdk.simulation.vessels import draw_vessels
@@ -37,7 +38,8 @@ def paint_tissue(tissue: Tissue, seed: tuple[int, ...], size_mm: tuple[float, fl
     rng = np.random.default_rng(seed)
     scale = pixels / max(size_mm)  # px per mm
     shape = (_multiple(size_mm[1] * scale), _multiple(size_mm[0] * scale))
-    return TissueTexture(_albedo(rng, tissue, shape, scale), _detail(rng, tissue), size_mm)
+    albedo = _albedo(rng, tissue, shape, scale, (*seed, 1))
+    return TissueTexture(albedo, _detail(rng, tissue), size_mm)
 
 
 def _multiple(value: float) -> int:
@@ -58,7 +60,9 @@ def _step(field: Array, threshold: float, softness: float) -> Array:
     return np.asarray(t * t * (3.0 - 2.0 * t), np.float32)
 
 
-def _albedo(rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], scale: float) -> NDArray[np.uint8]:
+def _albedo(
+    rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], scale: float, bubble_seed: tuple[int, ...]
+) -> NDArray[np.uint8]:
     blotch_px = tissue.blotch_mm * scale
     coarse = fractal_tile(rng, shape, blotch_px, 4, 0.55)
     image = np.empty((*shape, 3), np.float32)
@@ -81,6 +85,8 @@ def _albedo(rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], sc
         stain = _step(field, float(np.quantile(field[::8, ::8], 1 - tissue.stain)), softness)
         _blend(image, _linear(tissue.stain_colour), stain * np.float32(rng.uniform(0.4, 0.9)))
         wet = np.maximum(wet, stain)
+    if tissue.bubbles > 0:
+        add_bubbles(image, wet, bubble_seed, tissue.bubbles, scale)
     coded = np.empty((*shape, 4), np.uint8)
     coded[..., :3] = np.sqrt(np.clip(image, 0.0, 1.0)) * 255.0 + 0.5
     coded[..., 3] = np.clip(wet, 0.0, 1.0) * 255.0 + 0.5

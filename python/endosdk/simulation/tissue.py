@@ -40,6 +40,7 @@ class Tissue:
     stain: float  # share of area under blood or bile
     stain_colour: Colour
     metallic: bool = False
+    bubbles: float = 0.0  # in the film on it; drawn only where asked for
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from endosdk.dataset import Sample, read_colours
 from endosdk.errors import StorageFailed
 from endosdk.simulation.camera import Pose, StereoCamera, look, rectified_pair
 from endosdk.simulation.curve import Floats, bezier
-from endosdk.simulation.effects import Effects
+from endosdk.simulation.effects import Effects, affected
 from endosdk.simulation.renderer import Renderer
 from endosdk.simulation.sample import Limits, Placed, draw_pair, load_scene, pose_fault, smaller
 from endosdk.simulation.scene import Scene, draw_scene
@@ -79,7 +79,7 @@ def render_video(
     wanted: Callable[[int], bool],
 ) -> Iterator[Sample]:  # fmt: skip
     """Yield those of the seed's frames that are ``wanted``. No tool is in a video: it would have to move by itself."""
-    scene = replace(draw_scene(seed, organ), instrument=None)
+    scene = replace(affected(draw_scene(seed, organ), effects), instrument=None)
     load_scene(renderer, scene, camera)
     flight, scale, reach = _place_flight(renderer, scene, camera, limits, frames)
     pair = rectified_pair(camera)

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context, parent_process
 from typing import Any
 
@@ -44,9 +45,16 @@ def render_apart(job: Job, tasks: list[Task], workers: int) -> Iterator[int]:
 
 
 def _obey_the_parent() -> None:
-    """Leave control-C, which reaches workers too, to the process that started this one; end when that one is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Let this worker end at control-C, which reaches it too, and when the process that started it is killed."""
+    signal.signal(signal.SIGINT, _end_now)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_now(*_: object) -> None:
+    for renderer in _renderers.values():
+        with suppress(Exception):  # it may be drawing
+            renderer.close()
+    os._exit(1)
 
 
 def _end_with_the_parent() -> None:
