@@ -19,7 +19,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
-DOCUMENTS = ("README.md", "models/fast.md", "models/wang2020.md")
+DOCUMENTS = ("README.md", "models/fast.md", "models/wang2020.md", "docs/datasets/endosim-gi.md")
 PLACE = re.compile(r"(<!-- table: ([a-z-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 METHODS = {
