@@ -16,7 +16,7 @@ def test_tables_are_those_of_the_records(name):
 
 def test_a_number_that_no_record_backs_is_found(tmp_path, monkeypatch):
     for name in tables.DOCUMENTS:
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(tables.ROOT / name, tmp_path / name)
     monkeypatch.setattr(tables, "ROOT", tmp_path)
     monkeypatch.setattr("sys.argv", ["tables", "--check"])
