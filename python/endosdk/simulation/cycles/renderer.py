@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import RendererUnavailable
+from endosdk.errors import RendererUnavailable, StorageFailed
 from endosdk.simulation.camera import Pose, View
 from endosdk.simulation.geometry import Mesh
 from endosdk.simulation.noise import Array
@@ -128,6 +128,15 @@ class CyclesRenderer:
         if state == self._loaded:
             return
         folder = Path(self._folder.name)
+        try:
+            self._write_scene(folder, pose, scale, lamp, middle, reach)
+        except OSError as error:
+            rule = "the folder for temporary files must be writable; $TMPDIR names another"
+            raise StorageFailed("cycles", rule, f"{folder}: {error}") from error
+        self._ask({"load": str(folder)})
+        self._loaded = state
+
+    def _write_scene(self, folder: Path, pose: Pose, scale: float, lamp: Lamp, middle: Vector, reach: float) -> None:
         emitters = [[a + b for a, b in zip(middle, emitter, strict=True)] for emitter in lamp.emitters]
         description = {
             "samples": self._samples,
@@ -142,8 +151,6 @@ class CyclesRenderer:
             },
         }
         (folder / "scene.json").write_text(json.dumps(description))
-        self._ask({"load": str(folder)})
-        self._loaded = state
 
     def _write_part(
         self, folder: Path, number: int, part: tuple[Mesh, Tissue, TissueTexture], pose: Pose, scale: float
