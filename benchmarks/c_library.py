@@ -81,7 +81,7 @@ def overhead(_: argparse.Namespace) -> list[dict[str, Any]]:
 def sanitizers(_: argparse.Namespace) -> dict[str, Any]:
     """All C++ tests under each sanitizer; a single report fails its test."""
     results = {}
-    for preset in ("asan", "ubsan", "tsan"):
+    for preset in ("asan", "tsan", "ubsan"):
         build = built(preset)
         say(f"testing under {preset}")
         started = time.monotonic()
