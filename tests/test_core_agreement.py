@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import endosdk
 from endosdk import _core
 from tests import reference
-from tests.conftest import shifted_pair
+from tests.conftest import TINY_MODEL, shifted_pair
 
 
 @pytest.fixture(autouse=True)
@@ -100,3 +101,14 @@ def test_a_right_view_of_another_shape_is_refused():
     view = np.zeros((3, 32, 32), np.uint8)
     with pytest.raises(ValueError, match="right_image: must have the shape of image; got 16x32"):
         confidence_of(grid, grid, view, np.zeros((3, 32, 16), np.uint8), 32, 32)
+
+
+def test_a_covered_camera_makes_the_frame_invalid():
+    left, right = shifted_pair(96, 160, 9)
+    estimator = endosdk.DepthEstimator(TINY_MODEL)
+    assert estimator.predict(left, right).status == endosdk.Status.OK
+    for pair in ((left, np.zeros_like(right)), (np.zeros_like(left), right), (left, left)):
+        result = estimator.predict(*pair)
+        assert result.status == endosdk.Status.INVALID
+        assert np.mean((result.reasons & endosdk.Reason.LOW_CONFIDENCE) != 0) > 0.9
+    assert estimator.predict(left, right).status == endosdk.Status.OK
