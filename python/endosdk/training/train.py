@@ -28,6 +28,7 @@ from endosdk.training.config import TrainConfig
 from endosdk.training.data import Crops, has_truth
 from endosdk.training.evaluate import mean_errors, to_input_grid
 from endosdk.training.loss import build_loss
+from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Prediction, Window
 
@@ -57,6 +58,8 @@ class Run:
     def __init__(self, config: TrainConfig, out: Path, rank: int = 0, world: int = 1, *, resume: bool = False) -> None:
         self.config, self.out, self.rank, self.world = config, out, rank, world
         self.device = _device(config.device)
+        if self.device.type == "cpu":
+            keep_freed_memory()
         # Before the data, which takes its time to open: a wrong name or range is told at once.
         torch.manual_seed(config.seed)
         self.network = build_network(config.network, config.max_disparity)
@@ -76,7 +79,7 @@ class Run:
         self.history: list[dict[str, float]] = []
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
         saved = self._restore(resume)
-        _channels_last(self.network.to(self.device))
+        channels_last(self.network.to(self.device))
         self.optimiser = _optimiser(self.network, config)
         if saved is not None and resume:
             checkpoint.restore_optimiser(self.optimiser, saved.optimiser)
@@ -279,7 +282,7 @@ def _optimiser(network: nn.Module, config: TrainConfig) -> torch.optim.Optimizer
     return torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)
 
 
-def _channels_last(network: nn.Module) -> None:
+def channels_last(network: nn.Module) -> None:
     """Order weights as the convolution kernels like them: a tenth to a quarter quicker on a CPU."""
     for module in network.modules():
         if isinstance(module, nn.Conv3d):
