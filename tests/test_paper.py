@@ -3,16 +3,22 @@
 import json
 import re
 
+import numpy as np
 import pytest
 import torch
 
 from benchmarks.methods.classical import classical_method, search_sgbm
+from benchmarks.methods.kept_patchmatch import kept_match
+from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.__main__ import main
-from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
+from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
+from benchmarks.paper.runs import config_gmacs
 from benchmarks.paper.verdicts import verdict
 from endosdk.dataset import SPLITS, Sample, open_dataset, write_record, write_sample
 from endosdk.errors import InvalidArgument
+from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
+from endosdk.training.parity import check_parity
 from tests.training.warped_scenes import warped_pair
 
 
@@ -37,7 +43,7 @@ def done(tiny_set, tmp_path_factory):
     base = tmp_path_factory.mktemp("paper")
     places = [f"--{name}={base / name}" for name in ("runs", "results", "docs")]
     given = [f"--data={tiny_set}", *places]
-    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32"]
+    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32", "--budget=gpu"]
     chosen = ["--only", "wang2020", "loss-l2"]
     assert main(["plan", *given, *short, *chosen]) == 0
     assert main(["search", *given, "--pairs=1"]) == 0
@@ -46,7 +52,7 @@ def done(tiny_set, tmp_path_factory):
     # Half of a budget of four steps was used.
     assert main(["evaluate", *given, *short, *methods, "--steps=4"]) == 0
     assert main(["time", *given, "--only", "bm"]) == 0
-    assert main(["figures", *given]) == 0
+    assert main(["figures", *given, "--budget=gpu"]) == 0
     assert main(["report", *places]) == 0
     return base
 
@@ -76,7 +82,7 @@ def test_search_keeps_what_it_tried_best_first(done):
 
 def test_report_marks_short_runs_and_says_what_is_missing(done):
     text = (done / "docs/report.md").read_text()
-    assert re.search(r"\| wang2020, the paper's protocol \| \d.*\*\*stopped early: 2 of 4 crops\*\* \|", text)
+    assert re.search(r"\| wang2020, trained as the rivals \| \d.*\*\*stopped early: 2 of 4 crops\*\* \|", text)
     assert "| PSMNet | not yet run |" in text
     assert "anynet, psmnet: not yet run" in text  # no verdict on a table with a hole
     assert "| 900 pairs | not yet run |" in text
@@ -95,40 +101,83 @@ def test_page_is_self_contained(done):
 
 def test_finished_runs_and_scores_are_not_done_again(done, tiny_set, capsys):
     given = [f"--data={tiny_set}", f"--runs={done / 'runs'}", f"--results={done / 'results'}"]
-    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--steps=2"]
-    before = (done / "runs/wang2020/last.safetensors").stat().st_mtime_ns
+    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--steps=2", "--budget=gpu"]
+    before = (done / "runs/gpu/wang2020/last.safetensors").stat().st_mtime_ns
     assert main(["train", *given, *short, "--only", "wang2020"]) == 0
     assert "wang2020: done" in capsys.readouterr().err
-    assert (done / "runs/wang2020/last.safetensors").stat().st_mtime_ns == before
+    assert (done / "runs/gpu/wang2020/last.safetensors").stat().st_mtime_ns == before
     assert main(["evaluate", *given, *short, "--only", "wang2020"]) == 0
     assert "scoring" not in capsys.readouterr().err
     table = json.loads((done / "results/table1.json").read_text())
     assert "sgbm" in table["methods"]  # rows that were not asked for stay
 
 
-def test_rival_is_scored_by_torch_and_says_so(tiny_set, tmp_path):
+def test_rival_is_scored_by_its_file_which_computes_what_torch_does(tiny_set, tmp_path):
     given = [f"--data={tiny_set}", f"--runs={tmp_path}", f"--results={tmp_path}", "--only", "anynet"]
-    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32", "--steps=1"]
+    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--precision=fp32", "--steps=1", "--budget=gpu"]
     assert main(["train", *given, *short]) == 0
     assert main(["evaluate", *given, *short]) == 0
     row = json.loads((tmp_path / "table1.json").read_text())["methods"]["anynet"]
-    assert row["runtime"] == "torch" and row["complete"] and row["params"] == 43_315
+    assert row["complete"] and row["params"] == 43_315
     assert row["epe"] > 0 and row["coverage"] == 1
+    (file,) = (tmp_path / "gpu/anynet").glob("*.onnx")
+    pairs = [warped_pair(1, size, (3.0, 20.0))[:2] for size in ((96, 160), (75, 133))]
+    assert len(check_parity(checkpoint.load(tmp_path / "gpu/anynet").build(), file, pairs)["sizes"]) == 2
 
 
 def test_run_that_needs_more_pairs_than_there_are_is_left_out(tiny_set, tmp_path, capsys):
-    given = [f"--data={tiny_set}", f"--runs={tmp_path}", "--steps=1", "--crop", "48", "96", "--only", "pairs-900"]
+    given = [
+        f"--data={tiny_set}",
+        f"--runs={tmp_path}",
+        "--steps=1",
+        "--crop",
+        "48",
+        "96",
+        "--only",
+        "pairs-900",
+        "--budget=gpu",
+    ]
     assert main(["train", *given]) == 0
     assert "needs 900 pairs, there are 4" in capsys.readouterr().err
-    assert not (tmp_path / "pairs-900").exists()
+    assert not (tmp_path / "gpu/pairs-900").exists()
 
 
-def test_every_experiment_is_a_valid_configuration():
+@pytest.mark.parametrize("budget", BUDGETS)
+def test_every_experiment_is_a_valid_configuration(budget):
     for run in EXPERIMENTS:
-        assert TrainConfig.from_dict(run.settings({})).steps == PROTOCOL["steps"]
+        config = TrainConfig.from_dict(run.settings(budget, {}))
+        assert (config.refine_crop is None) == (budget == "gpu" or config.network in ("anynet", "psmnet"))
         assert run.group in GROUPS
     assert len(unique_runs()) < len(EXPERIMENTS)
-    assert {run.name: run.settings({}) for run in unique_runs()} == {run.name: run.settings({}) for run in EXPERIMENTS}
+    assert {run.name: run.changes for run in unique_runs()} == {run.name: run.changes for run in EXPERIMENTS}
+
+
+def test_small_budget_is_the_same_for_all_but_the_one_that_is_too_dear():
+    planned = {run.planned("cpu", {})["steps"] for run in EXPERIMENTS}
+    assert len(planned) == 1 and planned.pop() < PROTOCOL["steps"]
+    short = [run.name for run in unique_runs() if run.settings("cpu", {})["steps"] < run.planned("cpu", {})["steps"]]
+    assert short == ["psmnet"]
+    assert next(run for run in EXPERIMENTS if run.name == "psmnet").settings("cpu", {"steps": 2})["steps"] == 2
+
+
+def test_work_of_a_step_counts_what_is_computed():
+    whole, window, coarse = (
+        config_gmacs({**PROTOCOL, **part})
+        for part in ({}, {"refine_crop": (128, 256)}, {"refine_from_step": PROTOCOL["steps"]})
+    )
+    refinement = whole - coarse
+    assert refinement == pytest.approx(12 * 9 * 256 * 512 * (4 * 32 + 6 * 32 * 32 + 32) / 1e9)
+    assert window == pytest.approx(coarse + refinement / 4)
+
+
+def test_answers_of_patchmatch_are_computed_once(tiny_set, tmp_path):
+    sample = open_dataset(tiny_set, "test")[0]
+    method = kept_match(tmp_path, PatchMatchSettings(max_disparity=24, radius=4, rounds=1))
+    first, again = method(sample), method(sample)
+    for one, other in zip(first, again, strict=True):
+        assert np.array_equal(one.disparity, other.disparity, equal_nan=True)
+        assert one.milliseconds == other.milliseconds > 0
+    assert np.isfinite(first[0].disparity).all() and 0 < np.isnan(first[1].disparity).mean() < 1
 
 
 def rows(**errors):

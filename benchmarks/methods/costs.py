@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import nn
@@ -10,6 +11,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from endosdk.training.frame_size import reduction
 from endosdk.training.networks import build_network
+from endosdk.training.networks.base import Window
 
 # Backward takes two products (by the input, by the weight) where forward takes one.
 BACKWARD_FACTOR = 3
@@ -28,17 +30,27 @@ def count_parameters(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
 
 
-def count_macs(name: str, max_disparity: int, height: int, width: int) -> int:
+def count_macs(
+    name: str,
+    max_disparity: int,
+    height: int,
+    width: int,
+    *,
+    window: tuple[int, int] | None = None,
+    refined: bool = True,
+) -> int:
     """MACs of convolutions and matrix products for one pair, counted on shapes alone: nothing is computed.
 
-    Height and width are padded to the network's multiple, as they are at run time.
+    Height and width are padded to the network's multiple, as they are at run time. As in training, ``window`` (height,
+    width) limits the refinement, and without ``refined`` there is none.
     """
     with torch.device("meta"):
         network = build_network(name, max_disparity).eval()
         multiple = network.input_multiple
         size = (1, 3, height + -height % multiple, width + -width % multiple)
+        part = Window(0, 0, *window) if window else None
         with FlopCounterMode(display=False) as counter, torch.no_grad():
-            network(torch.zeros(size), torch.zeros(size))
+            network(torch.zeros(size), torch.zeros(size), refined=refined, window=part)
     return int(counter.get_total_flops()) // 2
 
 
@@ -51,6 +63,6 @@ def network_costs(name: str, max_disparity: int, height: int, width: int) -> Net
     return NetworkCosts(count_parameters(network), count_macs(name, max_disparity, *seen) / 1e9)
 
 
-def step_gmacs(name: str, max_disparity: int, crop: tuple[int, int], batch: int) -> float:
-    """1e9 MACs of one training step on ``batch`` crops (height, width)."""
-    return BACKWARD_FACTOR * batch * count_macs(name, max_disparity, *crop) / 1e9
+def step_gmacs(name: str, max_disparity: int, crop: tuple[int, int], batch: int, **part: Any) -> float:
+    """1e9 MACs of one training step on ``batch`` crops (height, width); ``part`` goes to `count_macs`."""
+    return BACKWARD_FACTOR * batch * count_macs(name, max_disparity, *crop, **part) / 1e9

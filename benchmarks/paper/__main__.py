@@ -8,8 +8,8 @@
     python -m benchmarks.paper figures --data DIR
     python -m benchmarks.paper report
 
-Runs lie under --runs and go on where they stopped. Scores are kept beside them; tables go to --results, the report and
-its figures to --docs.
+Runs lie under --runs, by budget, and go on where they stopped. Scores are kept beside them; tables go to --results, the
+report and its figures to --docs. The methods on another set: evaluate --test-data DIR --table table1_NAME.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paper.experiments import LABELS, Experiment, unique_runs
+from benchmarks.paper.experiments import BUDGETS, LABELS, Experiment, unique_runs
 
 OVERRIDES = ("steps", "batch", "train_pairs", "device", "workers", "precision")
 
@@ -43,6 +43,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--test-data", type=Path, help="data set whose test split is scored (default: --data)")
     parser.add_argument("--layout", default="endosdk", help="layout of both (default: %(default)s)")
     parser.add_argument("--runs", type=Path, default=Path("runs/paper"), help="training runs (default: %(default)s)")
+    parser.add_argument("--budget", choices=sorted(BUDGETS), help="how much every run sees (default: by the device)")
+    parser.add_argument("--table", default="table1", help="name of the table's file (default: %(default)s)")
     parser.add_argument("--results", type=Path, default=Path("benchmarks/results"), help="tables as JSON")
     parser.add_argument("--docs", type=Path, default=Path("docs/paper"), help="report and figures")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these runs or methods alone")
@@ -64,18 +66,30 @@ def _chosen(args: argparse.Namespace) -> list[Experiment]:
     return [run for run in unique_runs() if not args.only or run.name in args.only]
 
 
-def _print_plan(args: argparse.Namespace) -> None:
-    from benchmarks.paper.runs import measure_speed, plan
+def _device(args: argparse.Namespace) -> str:
+    import torch
 
-    speed = measure_speed(args.device or "cpu")
-    lines = plan(_chosen(args), args.runs, _overrides(args), speed)
-    print(f"this machine trains at about {speed:.0f} GMAC/s; a training step is three forward passes of a batch")
+    return args.device or ("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def _budget(args: argparse.Namespace) -> str:
+    return args.budget or ("cpu" if _device(args) == "cpu" else "gpu")
+
+
+def _print_plan(args: argparse.Namespace) -> None:
+    from benchmarks.paper.runs import plan
+    from benchmarks.paper.speed import speeds
+
+    runs, budget, overrides = _chosen(args), _budget(args), _overrides(args)
+    found = speeds(runs, args.runs / "speed.json", _device(args), budget, overrides)
+    lines = plan(runs, args.runs, budget, overrides, found)
+    print(f"budget {budget}; 1e9 MACs a second of training, from one timed step of each network on one pair:")
+    print(", ".join(f"{network} {speed:.1f}" for network, speed in found.items()))
     print(f"{'run':18} {'GMAC/step':>10} {'steps left':>10} {'hours':>8}")
     for line in lines:
         print(f"{line['run']:18} {line['gmacs_per_step']:10.1f} {line['steps_left']:10} {line['hours']:8.2f}")
-    print(
-        f"{'all':18} {'':10} {sum(line['steps_left'] for line in lines):10} {sum(line['hours'] for line in lines):8.2f}"
-    )
+    steps, hours = (sum(line[key] for line in lines) for key in ("steps_left", "hours"))
+    print(f"{'all':18} {'':10} {steps:10} {hours:8.2f}")
 
 
 def _train(args: argparse.Namespace) -> None:
@@ -83,14 +97,15 @@ def _train(args: argparse.Namespace) -> None:
     from endosdk.dataset import open_dataset
 
     _print_plan(args)
+    budget = _budget(args)
     timer = stop_after(args.minutes) if args.minutes else None
     available = len(open_dataset(args.data, "train", layout=args.layout))
     for experiment in _chosen(args):
-        config = config_of(experiment, args.data, args.layout, _overrides(args))
+        config = config_of(experiment, args.data, args.layout, budget, _overrides(args))
         if config.train_pairs is not None and config.train_pairs > available:
             print(f"{experiment.name}: needs {config.train_pairs} pairs, there are {available}", file=sys.stderr)
             continue
-        advance(experiment, config, args.runs)
+        advance(experiment, config, args.runs / budget / experiment.name)
     if timer is not None:
         timer.cancel()
 
@@ -119,7 +134,7 @@ def _evaluate(args: argparse.Namespace) -> None:
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
     size = reader[0].left.shape[1::-1]
-    states = {run.name: state_of(run, args.runs, _overrides(args)) for run in _chosen(args)}
+    states = {run.name: state_of(run, args.runs, _budget(args), _overrides(args)) for run in _chosen(args)}
     trained = {name: tables.trained_row(scores, state, size) for name, state in states.items() if state is not None}
     rows = {name: found for name, found in trained.items() if name in LABELS}
     wanted = set(args.only or LABELS)
@@ -127,10 +142,11 @@ def _evaluate(args: argparse.Namespace) -> None:
         rows.update(tables.classical_rows(scores, _best_sgbm(args.results)))
     if wanted & {"shipped-wang2020", "shipped-fast"}:
         rows.update(tables.shipped_rows(scores, size, wanted))
-    if args.only and "patchmatch" in args.only:  # minutes a pair: only when it is named
-        rows.update(tables.patchmatch_rows(scores))
-    tables.write_table(args.results / "table1.json", reader, rows)
-    tables.write_ablations(args.results / "ablations.json", reader, trained)
+    if args.only and "patchmatch" in args.only:  # hours: only when it is named
+        rows.update(tables.patchmatch_rows(scores, args.runs))
+    tables.write_table(args.results / f"{args.table}.json", reader, rows)
+    if args.table == "table1":
+        tables.write_ablations(args.results / "ablations.json", reader, trained)
 
 
 def _best_sgbm(results: Path) -> dict[str, Any] | None:
@@ -143,13 +159,13 @@ def _time(args: argparse.Namespace) -> None:
     from endosdk.dataset import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
-    tables.retime_table(args.results / "table1.json", reader, args.runs, args.only)
+    tables.retime_table(args.results / f"{args.table}.json", reader, args.runs, args.only)
 
 
 def _figures(args: argparse.Namespace) -> None:
     from benchmarks.paper.figures import draw_all
 
-    for file in draw_all(args):
+    for file in draw_all(args, args.runs / _budget(args)):
         print(f"written {file}")
 
 

@@ -28,6 +28,22 @@ PROTOCOL: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
+class Budget:
+    """How much every run alike may see on one kind of device: what differs from the protocol, and who stops earlier."""
+
+    changes: dict[str, Any] = field(default_factory=dict)
+    most_steps: dict[str, int] = field(default_factory=dict)  # of networks that are too dear for the whole budget
+
+
+# Two cores need 75 hours for the protocol's runs without PSMNet, and twice that with it. Their budget is a good day:
+# fewer crops for everybody, and the refinement, the dearest part by far and a local one, learns on a window of each.
+BUDGETS = {
+    "gpu": Budget(),
+    "cpu": Budget({"steps": 2000, "refine_crop": (128, 256)}, {"psmnet": 900}),
+}
+
+
+@dataclass(frozen=True)
 class Experiment:
     """One training run: its folder, its group (a key of `GROUPS`), the curve's label, what differs."""
 
@@ -36,16 +52,25 @@ class Experiment:
     label: str
     changes: dict[str, Any] = field(default_factory=dict)
 
-    def settings(self, overrides: dict[str, Any]) -> dict[str, Any]:
-        """Return all settings; overrides shorten every run alike, so that a comparison stays fair."""
-        return {**PROTOCOL, **self.changes, **overrides}
+    def planned(self, budget: str, overrides: dict[str, Any]) -> dict[str, Any]:
+        """Return all settings of the whole budget; overrides shorten every run alike: a comparison stays fair."""
+        return {**PROTOCOL, **BUDGETS[budget].changes, **self.changes, **overrides}
+
+    def settings(self, budget: str, overrides: dict[str, Any]) -> dict[str, Any]:
+        """Return the settings to train with: a network that is too dear for the budget takes fewer steps."""
+        planned = self.planned(budget, overrides)
+        most = BUDGETS[budget].most_steps.get(planned["network"], planned["steps"])
+        return {**planned, "steps": min(planned["steps"], most)}
 
 
-# AnyNet and PSMNet divide by 16, so their range is the next one that covers the data's 69.5 px.
+# AnyNet and PSMNet divide by 16, so their range is the next one that covers the data's 69.5 px. They have no refinement
+# apart, and always learn on whole crops.
+RIVAL: dict[str, Any] = {"max_disparity": 80, "loss": "smooth-l1", "refine_crop": None}
+
 EXPERIMENTS = (
     Experiment("wang2020", "table1", "wang2020"),
-    Experiment("anynet", "table1", "AnyNet", {"network": "anynet", "max_disparity": 80, "loss": "smooth-l1"}),
-    Experiment("psmnet", "table1", "PSMNet", {"network": "psmnet", "max_disparity": 80, "loss": "smooth-l1"}),
+    Experiment("anynet", "table1", "AnyNet", {"network": "anynet", **RIVAL}),
+    Experiment("psmnet", "table1", "PSMNet", {"network": "psmnet", **RIVAL}),
     Experiment("loss-l2", "loss", "L2", {"loss": "l2"}),
     Experiment("loss-log", "loss", "lambda 0", {"balance": 0.0}),
     Experiment("wang2020", "loss", "lambda 0.5"),
@@ -93,7 +118,7 @@ GROUPS = {
 # The methods that need no training, in the order of the table; `None` stands for the settings that the search found.
 CLASSICAL: dict[str, dict[str, Any] | None] = {"sgbm": None, "sgbm-hh": None, "bm": {}}
 LABELS = {
-    "wang2020": "wang2020, the paper's protocol",
+    "wang2020": "wang2020, trained as the rivals",
     "shipped-wang2020": "wang2020 as shipped",
     "shipped-fast": "fast as shipped",
     "anynet": "AnyNet",

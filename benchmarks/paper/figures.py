@@ -12,6 +12,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.methods.kept_patchmatch import kept_match
+from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
 from endosdk.dataset import DatasetReader, Sample, open_dataset
 from endosdk.picture import colour_map, robust_range
@@ -20,13 +22,13 @@ CURVES = ("loss", "pairs", "range", "refinement")
 SMOOTHED_STEPS = 40  # of the loss curves: a batch's loss says little
 
 
-def draw_all(args: argparse.Namespace) -> list[Path]:
-    """Draw every figure that there are results for; return the files."""
+def draw_all(args: argparse.Namespace, runs: Path) -> list[Path]:
+    """Draw every figure that there are results for, with the curves of the runs in ``runs``; return the files."""
     args.docs.mkdir(parents=True, exist_ok=True)
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     written = [draw_histogram(reader, args.docs / "histogram.png", args.pairs)]
     for group in CURVES:
-        curves = {run.label: _log(args.runs / run.name) for run in EXPERIMENTS if run.group == group}
+        curves = {run.label: _log(runs / run.name) for run in EXPERIMENTS if run.group == group}
         curves = {label: rows for label, rows in curves.items() if rows}
         if curves:
             written.append(draw_curves(curves, GROUPS[group].title, args.docs / f"{group}_loss.png"))
@@ -86,11 +88,14 @@ def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
 
 def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample, file: Path) -> Path:
     """Draw one pair as every method of the table answers it, with its error beside (Fig. 6)."""
-    from benchmarks.paper.tables import method_of
+    from benchmarks.paper.tables import method_of, patchmatch_folder
 
     table = args.results / "table1.json"
     rows = json.loads(table.read_text())["methods"] if table.exists() else {}
     methods = {name: method_of(name, rows[name], args.runs) for name in LABELS if name in rows}
+    if "patchmatch" in methods:
+        kept = kept_match(patchmatch_folder(args.runs, reader), PatchMatchSettings())
+        methods["patchmatch"] = lambda sample: kept(sample)[0]
     answers = {name: method(sample).disparity for name, method in methods.items() if method is not None}
     low, high = robust_range(sample.disparity)
     figure = Figure(figsize=(7, 2.6 * (len(answers) + 1)))

@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PAPER_EPE_PX, PROTOCOL
+from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, PAPER_EPE_PX, PROTOCOL
 from benchmarks.paper.verdicts import verdict
 
 MISSING = "not yet run"
@@ -18,7 +18,11 @@ MISSING = "not yet run"
 def write_report(results: Path, docs: Path) -> list[Path]:
     """Write ``report.md`` and ``report.html`` (with its pictures inside) from the tables and figures there are."""
     table, ablations = _read(results / "table1.json"), _read(results / "ablations.json")
-    text = "\n".join([*_head(table), *_table(table), *_groups(table, ablations, docs)]) + "\n"
+    others = [_read(file) for file in sorted(results.glob("table1_*.json"))]
+    lines = [*_head(table), *_table("Table 1", table)]
+    for other in others:
+        lines += _table(f"Table 1 on {other['dataset']}", other)
+    text = "\n".join([*lines, *_groups(table, ablations, docs)]) + "\n"
     docs.mkdir(parents=True, exist_ok=True)
     files = [docs / "report.md", docs / "report.html"]
     files[0].write_text(text)
@@ -31,24 +35,33 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _head(table: dict[str, Any]) -> list[str]:
-    crops = PROTOCOL["steps"] * PROTOCOL["batch"]
     data = f"{table['dataset']}, {table['pairs']} test pairs" if table else MISSING
+    small = {**PROTOCOL, **BUDGETS["cpu"].changes}
+    stops = ", ".join(
+        f"{name} stops after {steps * small['batch']}" for name, steps in BUDGETS["cpu"].most_steps.items()
+    )
+    window = f"{small['refine_crop'][1]} x {small['refine_crop'][0]}"
     return [
         "# The paper's experiments, redone",
         "",
         "X.-Z. Wang, Y. Nie, S.-P. Lu, J. Zhang: Deep Convolutional Network for Stereo Depth Mapping in Binocular "
         "Endoscopy, IEEE Access 8, 2020, doi 10.1109/ACCESS.2020.2987767.",
         "",
-        f"Data: {data}. The protocol for every network: {PROTOCOL['train_pairs']} training pairs, {crops} crops of "
-        f"{PROTOCOL['crop'][1]} x {PROTOCOL['crop'][0]}, {PROTOCOL['optimiser']}, the same augmentation. A run that "
-        "saw fewer crops says so; what has not been run is named and has no number.",
+        f"Data: {data}.",
+        "",
+        f"The protocol, for a GPU, is the same for every network: {PROTOCOL['train_pairs']} training pairs, "
+        f"{PROTOCOL['steps'] * PROTOCOL['batch']} crops of {PROTOCOL['crop'][1]} x {PROTOCOL['crop'][0]}, "
+        f"{PROTOCOL['optimiser']}, the same augmentation. The budget for processors is smaller, again for every run "
+        f"alike: {small['steps'] * small['batch']} crops, and where a network has a refinement apart, that learns on a "
+        f"window of {window} in each; {stops}. Each table says what its runs saw. What has not been run is named and "
+        "has no number.",
         "",
     ]
 
 
-def _table(table: dict[str, Any]) -> list[str]:
+def _table(title: str, table: dict[str, Any]) -> list[str]:
     lines = [
-        "## Table 1",
+        f"## {title}",
         "",
         "| method | EPE, px | over 1 / 2 / 3 / 5 px | EPE, non-occluded | answered | ms | parameters | GMAC | pairs | "
         "note |",
@@ -67,7 +80,20 @@ def _table(table: dict[str, Any]) -> list[str]:
     load = table.get("load_while_timed")
     busy = "; taken with other work on the machine" if load is None or load > table["threads"] else ""
     lines += ["", f"Times on {machine.get('cpu', 'no machine')}, {table.get('threads', 0)} threads{busy}.", ""]
-    return lines
+    return [*lines, *_seen(methods)]
+
+
+def _seen(rows: dict[str, dict[str, Any] | None]) -> list[str]:
+    """Say what the runs among the rows were trained on, one sentence where they are alike."""
+    said = []
+    for row in rows.values():
+        if row and "train_data" in row:
+            high, wide = row["crop"]
+            text = f"{row['train_data']['name']}, {row['samples_planned']} crops of {wide} x {high} planned"
+            if row["refine_crop"]:
+                text += f", the refinement on {row['refine_crop'][1]} x {row['refine_crop'][0]} of each"
+            said.append(text)
+    return [f"Trained on {'; others on '.join(dict.fromkeys(said))}.", ""] if said else []
 
 
 def _line(label: str, row: dict[str, Any], note: str) -> str:
@@ -82,8 +108,8 @@ def _line(label: str, row: dict[str, Any], note: str) -> str:
 def _note(row: dict[str, Any]) -> str:
     if row.get("complete") is False:
         return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**"
-    if row.get("runtime") == "torch":
-        return "timed in torch"
+    if "samples_seen" in row:
+        return f"{row['samples_seen']} crops"
     return "trained on other and more data than the protocol's" if "trained_on" in row else ""
 
 
@@ -97,7 +123,7 @@ def _groups(table: dict[str, Any], ablations: dict[str, Any], docs: Path) -> lis
         if key != "table1":
             lines += ["| run | EPE, px | over 1 px | crops seen |", "|---|---|---|---|"]
             lines += [_ablation_line(run.label, rows.get(run.label)) for run in EXPERIMENTS if run.group == key]
-            lines.append("")
+            lines += ["", *_seen(rows)]
         names = ["methods"] if key == "table1" else [f"{key}_loss", f"{key}_epe"]
         lines += [f"![{group.title}]({name}.png)\n" for name in names if (docs / f"{name}.png").exists()]
     lines += ["## Disparities of the data (Fig. 4)", "", "The paper: largest 69.5 px.", ""]

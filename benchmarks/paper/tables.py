@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +14,10 @@ import numpy as np
 
 from benchmarks.methods.classical import classical_method
 from benchmarks.methods.costs import network_costs
-from benchmarks.methods.patchmatch import PatchMatchSettings, match
+from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
+from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
-from benchmarks.paper.runs import RunState, exported, torch_method
+from benchmarks.paper.runs import RunState, exported
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
 from endosdk.dataset import DatasetReader, Sample
@@ -28,18 +28,6 @@ from endosdk.models import shipped_models
 from endosdk.scores import ScoreBoard
 
 KPE = (1, 2, 3, 5)
-RIVALS = ("anynet", "psmnet")
-
-
-def patchmatch_method(*, filled: bool) -> Method:
-    """Return the method that is PatchMatch with the paper's settings."""
-
-    def answer(sample: Sample) -> Answer:
-        started = time.perf_counter()
-        checked, whole = match(sample.left, sample.right, PatchMatchSettings())
-        return Answer(whole if filled else checked, milliseconds=1e3 * (time.perf_counter() - started))
-
-    return answer
 
 
 def row(scores: dict[str, Any]) -> dict[str, Any]:
@@ -67,11 +55,11 @@ class Scores:
 
     def get(self, name: str, mark: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return the row of a method whose state is ``mark``; ``make`` it unless it is there for the same data."""
-        key = f"{mark} on {self.reader.sha256[:16]}, {self.limit or len(self.reader)} pairs"
-        kept = self.rows.get(name)
-        if kept is None or kept["key"] != key:
+        place = f"{name} on {self.reader.sha256[:16]}, {self.limit or len(self.reader)} pairs"
+        kept = self.rows.get(place)
+        if kept is None or kept["key"] != mark:
             print(f"scoring {name}", file=sys.stderr)
-            self.rows[name] = kept = {"key": key, "row": make()}
+            self.rows[place] = kept = {"key": mark, "row": make()}
             write_record(self.file, self.rows)
         return dict(kept["row"])
 
@@ -89,33 +77,46 @@ def classical_rows(scores: Scores, best: dict[str, Any] | None) -> dict[str, dic
             continue  # the search has not been run
 
         def make(name: str = name, settings: dict[str, Any] = settings) -> dict[str, Any]:
-            return {**_filled_and_bare(scores, classical_method(name, settings, filled=False)), "settings": settings}
+            bare = classical_method(name, settings, filled=False)
+            return {**filled_and_bare(scores, lambda sample: with_holes_filled(bare(sample))), "settings": settings}
 
         rows[name] = scores.get(name, json.dumps(settings, sort_keys=True), make)
     return rows
 
 
-def _filled_and_bare(scores: Scores, method: Method) -> dict[str, Any]:
+def with_holes_filled(bare: Answer) -> tuple[Answer, Answer]:
+    """Return the answer twice: answering everywhere, as the networks do, and as it is."""
+    return replace(bare, disparity=fill_holes(bare.disparity)), bare
+
+
+def filled_and_bare(scores: Scores, method: Callable[[Sample], tuple[Answer, Answer]]) -> dict[str, Any]:
     """Score a matcher that leaves holes both ways in one pass: filled, and as ``unfilled`` on what it answers."""
-    bare = ScoreBoard()
+    board = ScoreBoard()
 
     def filled(sample: Sample) -> Answer:
-        answer = method(sample)
+        whole, bare = method(sample)
         camera = {"focal_px": sample.focal_px, "baseline_mm": sample.baseline_mm, "doffs": sample.doffs}
-        bare.add(answer.disparity, sample.disparity, occlusion=sample.occlusion, **camera)
-        return replace(answer, disparity=fill_holes(answer.disparity))
+        board.add(bare.disparity, sample.disparity, occlusion=sample.occlusion, **camera)
+        return whole
 
-    whole = scores.score(filled)
-    return {**whole, "unfilled": row({**bare.result(), "ms_median": whole["ms"]})}
+    found = scores.score(filled)
+    return {**found, "unfilled": row({**board.result(), "ms_median": found["ms"]})}
 
 
-def patchmatch_rows(scores: Scores) -> dict[str, dict[str, Any]]:
-    """Score PatchMatch: minutes a pair, so only when it is asked for."""
+def patchmatch_rows(scores: Scores, runs: Path) -> dict[str, dict[str, Any]]:
+    """Score PatchMatch with its paper's settings."""
+    settings = PatchMatchSettings()
+    method = kept_match(patchmatch_folder(runs, scores.reader), settings)
 
     def make() -> dict[str, Any]:
-        return {**scores.score(patchmatch_method(filled=True)), "settings": vars(PatchMatchSettings())}
+        return {**filled_and_bare(scores, method), "settings": vars(settings)}
 
-    return {"patchmatch": scores.get("patchmatch", str(PatchMatchSettings()), make)}
+    return {"patchmatch": scores.get("patchmatch", str(settings), make)}
+
+
+def patchmatch_folder(runs: Path, reader: DatasetReader) -> Path:
+    """Return where the answers to a set's pairs are kept."""
+    return runs / "patchmatch" / reader.sha256[:16]
 
 
 def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dict[str, dict[str, Any]]:
@@ -133,30 +134,34 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
 
 
 def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[str, Any]:
-    """Score one run: ours through the exported file, which is what is deployed and timed; rivals by torch."""
+    """Score one run through its exported file, which is what is deployed and timed."""
 
     def make() -> dict[str, Any]:
-        if state.network in RIVALS:
-            return {**scores.score(torch_method(state)), "runtime": "torch"}
-        return {**scores.score(estimator_method(str(exported(state)))), "runtime": "onnxruntime"}
+        return scores.score(estimator_method(str(exported(state))))
 
-    found = scores.get(state.name, f"step {state.step}", make)
-    costs = network_costs(state.network, state.max_disparity, size[1], size[0])
+    found = scores.get(f"{state.budget}/{state.name}", f"step {state.step}", make)
+    config = state.config
+    costs = network_costs(config.network, config.max_disparity, size[1], size[0])
     return {
         **found,
         "params": costs.params,
         "gmacs": costs.gmacs,
+        "budget": state.budget,
         "samples_seen": state.samples_seen,
         "samples_planned": state.samples_planned,
         "complete": state.complete,
+        "crop": config.crop,
+        "refine_crop": config.refine_crop,
+        "train_pairs": config.train_pairs,
+        "train_data": state.trained_on,
     }
 
 
 def write_table(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any]]) -> None:
     """Write the rows of Table 1; methods that have not been run are listed by name, without numbers."""
-    if file.exists():  # rows of the same pairs that were not asked for this time stay
-        before = json.loads(file.read_text())
-        rows = {**(before["methods"] if before["sha256"] == reader.sha256 else {}), **rows}
+    before = _before(file, reader)
+    # Rows of the same pairs that were not asked for this time stay.
+    rows = {**before.get("methods", {}), **rows}
     record = {
         "dataset": reader.name,
         "sha256": reader.sha256,
@@ -166,26 +171,39 @@ def write_table(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any
         "not_yet_run": [name for name in LABELS if name not in rows],
         "machine": machine_record(),
     }
-    write_record(file, record)
+    kept = {key: before[key] for key in ("load_while_timed",) if key in before}
+    write_record(file, {**record, **kept})
 
 
 def write_ablations(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any]]) -> None:
     """Write the rows of every group of runs, by label; None where a run is missing."""
+    before = _before(file, reader).get("groups", {})
     groups: dict[str, dict[str, Any]] = {}
-    for experiment in EXPERIMENTS:
-        groups.setdefault(experiment.group, {})[experiment.label] = rows.get(experiment.name)
-    write_record(file, {"dataset": reader.name, "pairs": len(reader), "groups": groups, "machine": machine_record()})
+    for run in EXPERIMENTS:
+        kept = before.get(run.group, {}).get(run.label)
+        groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
+    record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": len(reader), "groups": groups}
+    write_record(file, {**record, "machine": machine_record()})
+
+
+def _before(file: Path, reader: DatasetReader) -> dict[str, Any]:
+    """Return what the file says, if it is about the same pairs."""
+    record = dict(json.loads(file.read_text())) if file.exists() else {}
+    return record if record.get("sha256") == reader.sha256 else {}
 
 
 def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] | None) -> None:
-    """Time every method of the table again, alone on the machine and quickly; the scores stay."""
+    """Time every method of the table again, alone on the machine and quickly; the scores stay.
+
+    PatchMatch is timed on one pair, and only when it is named.
+    """
     table = json.loads(file.read_text())
     for name, values in table["methods"].items():
-        if only and name not in only:
+        if name not in (only or set(table["methods"]) - {"patchmatch"}):
             continue
         method = method_of(name, values, runs)
         if method is not None:
-            values["ms"] = retime(method, reader)
+            values["ms"] = method(reader[0]).milliseconds if name == "patchmatch" else retime(method, reader)
             if "unfilled" in values:
                 values["unfilled"]["ms"] = values["ms"]
             print(f"{name:18} {values['ms']:8.1f} ms")
@@ -196,12 +214,19 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
 
 
 def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:
-    """Return the method of a row of the table; None when its run is not here, or it takes minutes a pair."""
+    """Return the method of a row of the table; None when its run is not here."""
+    if name == "patchmatch":
+        matched = fresh_match(PatchMatchSettings())
+        return lambda sample: matched(sample)[0]
     if name in CLASSICAL:
         return classical_method(name, values["settings"], filled=False)
     if name.startswith("shipped-"):
         return estimator_method(name.removeprefix("shipped-"))
-    files = sorted((runs / name).glob("step*.onnx"), key=lambda path: int(path.stem.removeprefix("step")))
+    if "budget" not in values:
+        return None
+    files = sorted(
+        (runs / values["budget"] / name).glob("step*.onnx"), key=lambda path: int(path.stem.removeprefix("step"))
+    )
     return estimator_method(str(files[-1])) if files else None
 
 
