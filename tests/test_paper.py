@@ -13,6 +13,7 @@ from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.__main__ import main
 from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
 from benchmarks.paper.runs import config_gmacs
+from benchmarks.paper.speed import speeds
 from benchmarks.paper.verdicts import verdict
 from endosdk.dataset import SPLITS, Sample, open_dataset, write_record, write_sample
 from endosdk.errors import InvalidArgument
@@ -168,6 +169,17 @@ def test_work_of_a_step_counts_what_is_computed():
     refinement = whole - coarse
     assert refinement == pytest.approx(12 * 9 * 256 * 512 * (4 * 32 + 6 * 32 * 32 + 32) / 1e9)
     assert window == pytest.approx(coarse + refinement / 4)
+
+
+def test_speed_of_a_network_is_timed_once_and_for_the_crops_of_its_budget(tmp_path, capsys):
+    runs, small = unique_runs()[:1], {"crop": (48, 96)}
+    first = speeds(runs, tmp_path / "speed.json", "cpu", "gpu", small)
+    assert first["wang2020"] > 0
+    assert "timing a training step of wang2020" in capsys.readouterr().err
+    assert speeds(runs, tmp_path / "speed.json", "cpu", "gpu", small) == first
+    assert "timing" not in capsys.readouterr().err
+    speeds(runs, tmp_path / "speed.json", "cpu", "gpu", {"crop": (48, 128)})
+    assert "timing" in capsys.readouterr().err
 
 
 def test_answers_of_patchmatch_are_computed_once(tiny_set, tmp_path):

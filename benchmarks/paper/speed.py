@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -32,18 +33,23 @@ def speeds(
     The step is that of the network's first experiment: its crops, its loss, backward pass and update, on one pair of
     noise. Other experiments with the same network differ in MACs.
     """
-    where = torch.cuda.get_device_name() if device.startswith("cuda") else f"{cpu_name()}, {torch.get_num_threads()}"
-    kept: dict[str, float] = json.loads(file.read_text()) if file.exists() else {}
+    threads = torch.get_num_threads()
+    where = torch.cuda.get_device_name() if device.startswith("cuda") else f"{cpu_name()}, {threads} threads"
+    kept: dict[str, dict[str, float]] = json.loads(file.read_text()) if file.exists() else {}
     found = {}
     for experiment in experiments:
         settings = {**experiment.settings(budget, overrides), "batch": 1}
         network = settings["network"]
-        key = f"{network} on {where} threads, crop {settings['crop']}, window {settings.get('refine_crop')}"
+        key = f"{network} on {where}, crop {settings['crop']}, window {settings.get('refine_crop')}"
         if key not in kept:
             print(f"timing a training step of {network}", file=sys.stderr)
-            kept[key] = round(config_gmacs(settings) / seconds_per_step(settings, device), 2)
+            speed = config_gmacs(settings) / seconds_per_step(settings, device)
+            kept[key] = {"gmacs_per_s": round(speed, 2), "load": round(os.getloadavg()[0], 1)}
             write_record(file, kept)
-        found.setdefault(network, kept[key])
+        if network not in found and kept[key]["load"] > threads + 1 and not device.startswith("cuda"):
+            load = f"load {kept[key]['load']} on {threads} threads"
+            print(f"{network} was timed beside other work ({load}): hours are too long", file=sys.stderr)
+        found.setdefault(network, kept[key]["gmacs_per_s"])
     return found
 
 
