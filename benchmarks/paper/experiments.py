@@ -35,8 +35,8 @@ class Budget:
     most_steps: dict[str, int] = field(default_factory=dict)  # of networks that are too dear for the whole budget
 
 
-# Two cores need 75 hours for the protocol's runs without PSMNet, and twice that with it. Their budget is a good day:
-# fewer crops for everybody, and the refinement, the dearest part by far and a local one, learns on a window of each.
+# Two cores would need about three days for the protocol. Their budget is that of one: fewer crops for everybody, and
+# the refinement, a local part and by far the dearest, learns on a window of each.
 BUDGETS = {
     "gpu": Budget(),
     "cpu": Budget({"steps": 2000, "refine_crop": (128, 256)}, {"psmnet": 900}),
