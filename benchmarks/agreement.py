@@ -163,11 +163,12 @@ def main() -> None:
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
     samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
-    record = {
-        "dataset": {"name": reader.name, "split": args.split, "sha256": reader.sha256},
-        "models": {model: measure(model, samples, args.real) for model in args.models},
-        **machine_record(),
-    }
+    # A model that is not run keeps what the file says of it.
+    models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
+    for model in args.models:
+        models[model] = {**measure(model, samples, args.real), "machine": machine_record()}
+    dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
+    record = {"dataset": dataset, "models": models}
     args.json.parent.mkdir(parents=True, exist_ok=True)
     args.json.write_text(json.dumps(record, indent=1) + "\n")
     print(json.dumps(record["models"], indent=1))
