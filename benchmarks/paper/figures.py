@@ -105,7 +105,9 @@ def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample
     for axes, (name, disparity) in zip(grid[1:], answers.items(), strict=True):
         error = np.abs(disparity - sample.disparity)
         _show(axes[0], colour_map(disparity, low, high), LABELS[name])
-        _show(axes[1], colour_map(error, 0.0, 3.0), f"error, 0 to 3 px; mean {np.nanmean(error):.3f} px")
+        answered = np.isfinite(error).sum() / np.isfinite(sample.disparity).sum()
+        mean = f"mean {np.nanmean(error):.3f} px of {100 * answered:.0f} % answered"
+        _show(axes[1], colour_map(error, 0.0, 3.0), f"error, 0 to 3 px; {mean}")
     return _save(figure, file)
 
 

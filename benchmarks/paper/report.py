@@ -78,7 +78,9 @@ def _table(title: str, table: dict[str, Any]) -> list[str]:
             lines.append(_line(f"{label}, holes left open", methods[name]["unfilled"], ""))
     machine = table.get("machine", {})
     load = table.get("load_while_timed")
-    busy = "; taken with other work on the machine" if load is None or load > table["threads"] else ""
+    busy = "" if load is not None and load <= table["threads"] else "; taken with other work on the machine"
+    if busy and load is not None:
+        busy += f" (load {load:.1f}), so too long by factors that differ from row to row"
     lines += ["", f"Times on {machine.get('cpu', 'no machine')}, {table.get('threads', 0)} threads{busy}.", ""]
     return [*lines, *_seen(methods)]
 
@@ -110,7 +112,8 @@ def _note(row: dict[str, Any]) -> str:
         return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**"
     if "samples_seen" in row:
         return f"{row['samples_seen']} crops"
-    return "trained on other and more data than the protocol's" if "trained_on" in row else ""
+    data = row.get("trained_on")
+    return f"a recipe of its own, last on {data['name']}, {data['pairs']} pairs" if data else ""
 
 
 def _groups(table: dict[str, Any], ablations: dict[str, Any], docs: Path) -> list[str]:
