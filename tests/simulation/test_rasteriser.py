@@ -85,6 +85,13 @@ def test_nothing_is_infinitely_far(empty: Rasteriser) -> None:
     assert np.isnan(pair.disparity(depth)).all()
 
 
+def test_a_renderer_goes_on_after_another_came_and_went(empty: Rasteriser) -> None:
+    empty.add(plane((0, 0, 1), 100.0))
+    other = Rasteriser()
+    other.close()
+    np.testing.assert_allclose(empty.depth(rectified_pair(CAMERA).left, AT_ORIGIN, 1.0), 100.0, rtol=1e-6)
+
+
 def test_missing_graphics_say_what_to_install() -> None:
     # An empty list of drivers makes the real EGL loader find none.
     program = (

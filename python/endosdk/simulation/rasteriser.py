@@ -64,6 +64,7 @@ class Rasteriser:
 
     def add(self, mesh: Mesh, tissue: Tissue | None = None, texture: TissueTexture | None = None) -> None:
         """Add a mesh; without tissue and texture it has depth but no colour."""
+        self._take_over()
         vertices = np.concatenate([mesh.positions, mesh.normals, mesh.tangents, mesh.uv, mesh.shade[:, None]], 1)
         buffer = self._gl.buffer(np.ascontiguousarray(vertices, np.float32).tobytes())
         index = self._gl.buffer(mesh.triangles.tobytes())
@@ -93,6 +94,7 @@ class Rasteriser:
 
     def clear(self) -> None:
         """Forget all meshes and free what they hold."""
+        self._take_over()
         for item in self._items:
             for resource in item.owned:
                 resource.release()
@@ -110,6 +112,7 @@ class Rasteriser:
 
         ``scale`` enlarges the organ about the rig.
         """
+        self._take_over()
         target = self._target(view.width, view.height, 1)
         target.use()
         target.clear(red=0.0, depth=1.0)
@@ -123,6 +126,7 @@ class Rasteriser:
         """Return linear light [H,W,3]; the lamp hangs at ``middle`` (rig mm) and has unit strength at ``reach`` mm."""
         import cv2
 
+        self._take_over()
         size = (round(view.width * SUPERSAMPLING), round(view.height * SUPERSAMPLING))
         target = self._target(*size, 4)
         target.use()
@@ -145,6 +149,10 @@ class Rasteriser:
             item.colour.render()
         raw = np.frombuffer(target.read(components=4, dtype="f4"), np.float32).reshape(size[1], size[0], 4)
         return np.asarray(cv2.resize(raw, (view.width, view.height), interpolation=cv2.INTER_AREA)[..., :3], np.float32)
+
+    def _take_over(self) -> None:
+        """Make this renderer's context the current one, which another of this process may have been since."""
+        self._gl.__enter__()
 
     def _target(self, width: int, height: int, components: int) -> Any:
         key = (width, height, components)
