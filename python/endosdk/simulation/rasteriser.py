@@ -44,7 +44,7 @@ class Rasteriser:
         except ImportError as error:
             raise DependencyMissing("renderer", "needs moderngl: pip install 'endosdk[simulate]'", error) from error
         try:
-            self._gl = moderngl.create_context(**EGL)
+            self._gl: Any = moderngl.create_context(**EGL)
         except Exception as error:
             rule = "needs EGL; on Debian: apt-get install libegl1 libgl1-mesa-dri"
             raise RendererUnavailable("renderer", rule, error) from error
