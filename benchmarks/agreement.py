@@ -9,8 +9,6 @@ and with it. `--real` names a folder of real pairs: `scared_rectified`, `chessbo
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 from collections.abc import Iterator
@@ -23,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.record import machine_record
+from benchmarks.model_records import models_parser, record_models
 from endosdk import StereoCalibration, _core
 from endosdk.dataset import Sample, open_dataset
 from endosdk.image_files import read_frame
@@ -153,25 +151,12 @@ def measure(model: str, samples: list[Sample], real: Path | None) -> dict[str, A
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
-    parser.add_argument("--split", default="test")
-    parser.add_argument("--pairs", type=int, default=20, help="so many pairs, evenly from the whole split")
+    parser = models_parser(__doc__, "so many pairs, evenly from the whole split")
     parser.add_argument("--real", type=Path, help="folder of real pairs")
-    parser.add_argument("--models", nargs="+", default=["fast", "wang2020"])
-    parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
     samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
-    # A model that is not run keeps what the file says of it.
-    models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
-    for model in args.models:
-        models[model] = {**measure(model, samples, args.real), "machine": machine_record()}
-    dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
-    record = {"dataset": dataset, "models": models}
-    args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(record, indent=1) + "\n")
-    print(json.dumps(record["models"], indent=1))
+    record_models(args, reader, lambda model: measure(model, samples, args.real))
 
 
 if __name__ == "__main__":

@@ -9,16 +9,13 @@ until a twentieth of all pixels lies beyond the last plane.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.record import machine_record
+from benchmarks.model_records import models_parser, record_models
 from endosdk import DepthEstimator, Reason
 from endosdk.dataset import DatasetReader, Sample, open_dataset
 
@@ -103,23 +100,9 @@ def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
-    parser.add_argument("--split", default="test")
-    parser.add_argument("--pairs", type=int, default=20, help="the first so many pairs")
-    parser.add_argument("--models", nargs="+", default=["fast", "wang2020"])
-    parser.add_argument("--json", type=Path, required=True)
-    args = parser.parse_args()
+    args = models_parser(__doc__, "the first so many pairs").parse_args()
     reader = open_dataset(args.data, args.split)
-    # A model that is not run keeps what the file says of it.
-    models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
-    for model in args.models:
-        models[model] = {**measure(model, reader, args.pairs), "machine": machine_record()}
-    dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
-    record = {"dataset": dataset, "models": models}
-    args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(record, indent=1) + "\n")
-    print(json.dumps(record["models"], indent=1))
+    record_models(args, reader, lambda model: measure(model, reader, args.pairs))
 
 
 if __name__ == "__main__":

@@ -54,16 +54,22 @@ def test_a_set_says_what_it_is(whole: Path) -> None:
     assert sample.info["scene"]["seed"] == 3 * SEED_BLOCK + 1
 
 
-def test_a_killed_run_is_continued_and_gives_the_same_set(whole: Path, tmp_path: Path) -> None:
-    out = tmp_path / "set"
+def started(out: Path, *words: str, stderr: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
+    """Start the command in a process of its own, and return when it has rendered something."""
     program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
-    words = ["simulate", "--out", str(out), *SMALL, "--pairs", "2", "--test-pairs", "1"]
-    run = subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL)
+    command = [sys.executable, "-c", program, "simulate", "--out", str(out), *SMALL, *words]
+    run = subprocess.Popen(command, stderr=stderr, text=True, start_new_session=True)
     limit = time.monotonic() + 120
     while not list(out.glob("train/*")):
         assert run.poll() is None
         assert time.monotonic() < limit
         time.sleep(0.02)
+    return run
+
+
+def test_a_killed_run_is_continued_and_gives_the_same_set(whole: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    run = started(out, "--pairs", "2", "--test-pairs", "1")
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
     assert not (out / "dataset.json").exists()
@@ -152,16 +158,7 @@ def test_impossible_ranges_are_refused_before_anything_is_written(
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_an_interrupted_run_says_how_to_go_on(renderer: object, tmp_path: Path, workers: str) -> None:
     out = tmp_path / "set"
-    program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
-    words = ["simulate", "--out", str(out), *SMALL, "--pairs", "40", "--workers", workers]
-    run = subprocess.Popen(
-        [sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    limit = time.monotonic() + 120
-    while not list(out.glob("train/*")):
-        assert run.poll() is None
-        assert time.monotonic() < limit
-        time.sleep(0.02)
+    run = started(out, "--pairs", "40", "--workers", workers, stderr=subprocess.PIPE)
     os.killpg(run.pid, signal.SIGINT)  # as a terminal does to all of its processes
     said = run.communicate(timeout=120)[1]
     assert run.returncode == 130
@@ -230,18 +227,12 @@ def test_a_damaged_sample_is_named(whole: Path, tmp_path: Path, capsys: pytest.C
 
 def test_workers_end_when_their_run_is_killed(renderer: object, tmp_path: Path) -> None:
     out = tmp_path / "set"
-    program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
-    words = ["simulate", "--out", str(out), *SMALL, "--pairs", "400", "--workers", "2"]
-    run = subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL)
-    limit = time.monotonic() + 120
-    while not list(out.glob("train/*")):
-        assert run.poll() is None
-        assert time.monotonic() < limit
-        time.sleep(0.02)
+    run = started(out, "--pairs", "400", "--workers", "2")
     workers = [int(pid) for pid in Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()]
     assert len(workers) >= 2
     run.kill()
     run.wait()
+    limit = time.monotonic() + 120
     while any(_runs(pid) for pid in workers):
         assert time.monotonic() < limit
         time.sleep(0.02)

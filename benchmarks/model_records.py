@@ -1,0 +1,36 @@
+"""Command line and record of the benchmarks that measure one model after another on a data set."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.record import machine_record
+from endosdk.dataset import DatasetReader
+
+
+def models_parser(description: str | None, pairs_help: str) -> argparse.ArgumentParser:
+    """Declare the arguments that these benchmarks share."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
+    parser.add_argument("--split", default="test")
+    parser.add_argument("--pairs", type=int, default=20, help=pairs_help)
+    parser.add_argument("--models", nargs="+", default=["fast", "wang2020"])
+    parser.add_argument("--json", type=Path, required=True)
+    return parser
+
+
+def record_models(args: argparse.Namespace, reader: DatasetReader, measure: Callable[[str], dict[str, Any]]) -> None:
+    """Measure every model asked for, write the record, and print it."""
+    # A model that is not run keeps what the file says of it.
+    models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
+    for model in args.models:
+        models[model] = {**measure(model), "machine": machine_record()}
+    dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
+    record = {"dataset": dataset, "models": models}
+    args.json.parent.mkdir(parents=True, exist_ok=True)
+    args.json.write_text(json.dumps(record, indent=1) + "\n")
+    print(json.dumps(record["models"], indent=1))
