@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from endosdk.simulation.camera import Pose
 from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.scene import draw_scene
+from endosdk.simulation.sensor import expose
 
 HERE = Pose(np.array([1.0, 2.0, 3.0]), np.eye(3))
 
@@ -60,6 +61,39 @@ def test_a_single_lamp_and_bubbles_change_nothing_else(organ: str) -> None:
     assert bool(kinds) == (organ == "intestine")
     plain = tuple(replace(part, tissue=replace(part.tissue, bubbles=0.0)) for part in foamy.parts)
     assert replace(foamy, parts=plain) == scene
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("vignetting", {"vignette"}),
+        ("glare", {"glare"}),
+        ("exposure_difference", {"gain_difference", "tint_difference"}),
+        ("noise", {"noise", "shot_noise"}),
+        ("compression", {"jpeg_quality"}),
+    ],
+)
+def test_a_fault_of_the_chips_can_be_left_out_alone(effect: str, values: set[str]) -> None:
+    scene = next(s for s in (draw_scene(seed, "gi") for seed in range(9)) if s.sensor.jpeg_quality)
+    clean = affected(scene, Effects(**{effect: False}))
+    before, after = asdict(scene.sensor), asdict(clean.sensor)
+    assert {name for name in before if before[name] != after[name]} == values
+    assert not np.any(np.concatenate([np.atleast_1d(after[name]) for name in values]))
+    assert replace(clean, sensor=scene.sensor) == scene
+    assert Recipe(effects=Effects(**{effect: False})).described()["effects"][effect] is False
+
+
+def test_without_their_faults_both_chips_give_the_same_picture_of_the_same_light() -> None:
+    light = np.random.default_rng(3).random((64, 96, 3), np.float32)
+    scene = draw_scene(5, "gi")
+    same_lens = replace(scene.sensor, blur_difference_px=0.0)
+    clean = affected(
+        replace(scene, sensor=same_lens), Effects(vignetting=False, exposure_difference=False, noise=False)
+    ).sensor
+    left, right = expose(light, light, clean, (1,))
+    np.testing.assert_array_equal(left, right)
+    left, right = expose(light, light, same_lens, (1,))
+    assert np.abs(left.astype(float) - right).mean() > 0.5
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,10 @@ def test_an_interrupted_run_says_how_to_go_on(renderer: object, tmp_path: Path, 
 @pytest.mark.parametrize(
     ("words", "rule"),
     [
-        (("--recipe", "endosim-gi", "--pairs", "3", "--chroma"), "so leave out the rest; got --pairs, --chroma"),
+        (
+            ("--recipe", "endosim-gi", "--pairs", "3", "--chroma", "--no-noise"),
+            "so leave out the rest; got --pairs, --chroma, --no-noise",
+        ),
         (("--frames", "3"), "frames: are those of a video; add --video"),
     ],
 )

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130  # the exit status of a program stopped by control-C
 
-# What describes a set, which a published recipe settles: usual value and meaning.
+# What describes a set, which a published recipe settles: usual value, and what the option means.
 _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "organ": ("mix", "intestine, stomach, ducts, abdomen, gi (the first three) or mix"),
     "pairs": (100, "training pairs, or videos"),
@@ -33,7 +33,22 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "chroma": (False, "one colour for four pixels, as in 4:2:0 video"),
     "bubbles": (False, "in the film on a mucosa"),
     "emitters": (2, "1 or 2: places at the camera from which light comes"),
+    "vignetting": (True, "all corners equally bright"),
+    "glare": (True, "no light scattered over the picture"),
+    "exposure_difference": (True, "both chips equally bright and of one tint"),
+    "noise": (True, "no noise of the chips"),
+    "compression": (True, "no JPEG artefacts"),
 }
+
+# Settings that `Effects` knows by the same name.
+_EFFECTS = (
+    "shutter", "chroma", "bubbles", "emitters", "vignetting", "glare", "exposure_difference", "noise", "compression",
+)  # fmt: skip
+
+
+def _option(name: str) -> str:
+    """Return the option of a setting; what is usually on has one that switches it off."""
+    return ("--no-" if _SETTINGS[name][0] is True else "--") + name.replace("_", "-")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -47,11 +62,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     described = parser.add_argument_group("what describes a set")
     for name, (usual, text) in _SETTINGS.items():
-        option = "--" + name.replace("_", "-")
         if isinstance(usual, bool):
-            described.add_argument(option, action="store_true", default=None, help=text)
+            action = "store_false" if usual else "store_true"
+            described.add_argument(_option(name), dest=name, action=action, default=None, help=text)
         else:
-            described.add_argument(option, type=type(usual), help=f"{text} (default {usual})")
+            described.add_argument(_option(name), type=type(usual), help=f"{text} (default {usual})")
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--ray", action="store_true", help="render on the Ray cluster of $RAY_ADDRESS, or a local one")
     parser.add_argument(
@@ -107,7 +122,7 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     if args.recipe is not None:
         recipe = published(args.recipe).recipe
         if given:
-            options = ", ".join("--" + name.replace("_", "-") for name in given)
+            options = ", ".join(_option(name) for name in given)
             raise InvalidArgument("recipe", "settles what describes a set, so leave out the rest", options)
         return recipe
     video = bool(args.video)
@@ -120,8 +135,6 @@ def _recipe(args: argparse.Namespace) -> Recipe:
         **{name: chosen[name] for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig")},
         camera=StereoCamera(chosen["width"], chosen["height"], chosen["focal"], chosen["baseline"]),
         limits=Limits(chosen["min_disparity"], chosen["max_disparity"]),
-        effects=Effects(
-            chosen["motion_blur"], chosen["shutter"], chosen["chroma"], chosen["bubbles"], chosen["emitters"]
-        ),
+        effects=Effects(motion_px=chosen["motion_blur"], **{name: chosen[name] for name in _EFFECTS}),
         frames=chosen["frames"] if video else 0,
     )

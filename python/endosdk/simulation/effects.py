@@ -1,4 +1,4 @@
-"""What is off unless asked for: motion blur, chroma subsampling, bubbles, a single lamp."""
+"""What a set may add to or leave out of a scene: motion blur, subsampled chroma, bubbles, lamps, the chips' faults."""
 
 from __future__ import annotations
 
@@ -16,17 +16,30 @@ from endosdk.simulation.scene import Scene
 MOST_INSTANTS = 8
 BUBBLES = (0.2, 1.0)
 MUCOSAE = ("colon", "gastric", "duct")
+# Values of the two chips without an effect.
+WITHOUT: dict[str, dict[str, Any]] = {
+    "vignetting": {"vignette": 0.0},
+    "glare": {"glare": 0.0},
+    "exposure_difference": {"gain_difference": 0.0, "tint_difference": (0.0, 0.0, 0.0)},
+    "noise": {"noise": 0.0, "shot_noise": 0.0},
+    "compression": {"jpeg_quality": 0},
+}
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What a real camera, or a real organ, adds."""
+    """What a real camera, or a real organ, adds; the strengths are those that the scene's seed drew."""
 
     motion_px: float = 0.0  # single pairs: longest streak that a turn of the hand leaves while the shutter is open
     shutter: float = 0.0  # video: share of the time between two frames that the shutter is open
     chroma: bool = False  # one colour for four pixels, as in 4:2:0 video
     bubbles: bool = False  # in the film on the mucosa
     emitters: int = 2  # places from which light comes
+    vignetting: bool = True  # the corners are darker
+    glare: bool = True  # light scattered over the picture
+    exposure_difference: bool = True  # of brightness and tint, between the two chips
+    noise: bool = True  # of both chips
+    compression: bool = True  # JPEG, in half of the pairs
 
     def __post_init__(self) -> None:
         if not 0 <= self.motion_px <= 50:
@@ -39,8 +52,8 @@ class Effects:
     def described(self) -> dict[str, Any]:
         """Return all settings as plain values; the later ones only where used, so that older sets stay the same."""
         usual = Effects()
-        later = ("bubbles", "emitters")
-        return {k: v for k, v in asdict(self).items() if k not in later or v != getattr(usual, k)}
+        first = ("motion_px", "shutter", "chroma")
+        return {k: v for k, v in asdict(self).items() if k in first or v != getattr(usual, k)}
 
 
 def affected(scene: Scene, effects: Effects) -> Scene:
@@ -48,6 +61,9 @@ def affected(scene: Scene, effects: Effects) -> Scene:
     if effects.emitters == 1:
         one = scene.lamp.emitters[0]
         scene = replace(scene, lamp=replace(scene.lamp, emitters=(one, one)))
+    for effect, values in WITHOUT.items():
+        if not getattr(effects, effect):
+            scene = replace(scene, sensor=replace(scene.sensor, **values))
     if effects.bubbles:
         strength = float(np.random.default_rng((scene.seed, 12)).uniform(*BUBBLES))
         parts = [
