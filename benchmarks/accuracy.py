@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.record import machine_record
-from endosdk.dataset import open_dataset
+from endosdk.dataset_layouts import open_dataset
 from endosdk.evaluation import estimator_method, evaluate, sgbm_method
 from endosdk.models import read_model
 

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from benchmarks.model_records import models_parser, record_models
 from endosdk import StereoCalibration, _core
-from endosdk.dataset import Sample, open_dataset
+from endosdk.dataset import Sample
+from endosdk.dataset_layouts import open_dataset
 from endosdk.image_files import read_frame
 from endosdk.models import read_model
 from endosdk.postprocess import Limits, Maps, postprocess

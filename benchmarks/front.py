@@ -21,7 +21,8 @@ import numpy as np
 
 from benchmarks.record import machine_record
 from endosdk.baseline import fill_holes
-from endosdk.dataset import Sample, open_dataset
+from endosdk.dataset import Sample
+from endosdk.dataset_layouts import open_dataset
 from endosdk.evaluation import Answer, Method, estimator_method, evaluate, sgbm_method
 
 BM_BLOCK = 21  # px, the default of OpenCV

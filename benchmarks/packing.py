@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 
 from benchmarks.record import machine_record
-from endosdk.dataset import DatasetReader, open_dataset
+from endosdk.dataset import DatasetReader
+from endosdk.dataset_layouts import open_dataset
 from endosdk.evaluation import evaluate, sgbm_method
 
 REGIONS = ("all", "non_occluded")

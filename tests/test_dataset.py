@@ -16,13 +16,13 @@ from endosdk.dataset import (
     Sample,
     encode_disparity,
     find_occlusion,
-    open_dataset,
     read_disparity,
     read_sample,
     verify_dataset,
     write_record,
     write_sample,
 )
+from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 
 

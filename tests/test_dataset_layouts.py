@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.dataset import open_dataset
-from endosdk.dataset_layouts import usual_split
+from endosdk.dataset_layouts import open_dataset, usual_split
 from endosdk.dataset_layouts.pfm import read_pfm
 from endosdk.errors import DatasetInvalid, InvalidArgument
 

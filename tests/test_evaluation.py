@@ -5,7 +5,8 @@ import pytest
 
 from endosdk import errors
 from endosdk.cli import main
-from endosdk.dataset import Sample, open_dataset, write_record, write_sample
+from endosdk.dataset import Sample, write_record, write_sample
+from endosdk.dataset_layouts import open_dataset
 from endosdk.evaluation import Answer, estimator_method, evaluate, sgbm_method
 from endosdk.image_files import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair

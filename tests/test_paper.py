@@ -15,7 +15,8 @@ from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, P
 from benchmarks.paper.runs import config_gmacs
 from benchmarks.paper.speed import speeds
 from benchmarks.paper.verdicts import verdict
-from endosdk.dataset import SPLITS, Sample, open_dataset, write_record, write_sample
+from endosdk.dataset import SPLITS, Sample, write_record, write_sample
+from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig

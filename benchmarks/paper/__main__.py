@@ -94,7 +94,7 @@ def _print_plan(args: argparse.Namespace) -> None:
 
 def _train(args: argparse.Namespace) -> None:
     from benchmarks.paper.runs import advance, config_of, stop_after
-    from endosdk.dataset import open_dataset
+    from endosdk.dataset_layouts import open_dataset
 
     _print_plan(args)
     budget = _budget(args)
@@ -113,7 +113,7 @@ def _train(args: argparse.Namespace) -> None:
 def _search(args: argparse.Namespace) -> None:
     from benchmarks.methods.classical import search_sgbm
     from endosdk.bench import write_record
-    from endosdk.dataset import open_dataset
+    from endosdk.dataset_layouts import open_dataset
     from endosdk.machine import machine_record
 
     reader = open_dataset(args.data, "train", layout=args.layout)
@@ -129,7 +129,7 @@ def _search(args: argparse.Namespace) -> None:
 def _evaluate(args: argparse.Namespace) -> None:
     from benchmarks.paper import tables
     from benchmarks.paper.runs import state_of
-    from endosdk.dataset import open_dataset
+    from endosdk.dataset_layouts import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
@@ -156,7 +156,7 @@ def _best_sgbm(results: Path) -> dict[str, Any] | None:
 
 def _time(args: argparse.Namespace) -> None:
     from benchmarks.paper import tables
-    from endosdk.dataset import open_dataset
+    from endosdk.dataset_layouts import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     tables.retime_table(args.results / f"{args.table}.json", reader, args.runs, args.only)

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
-from endosdk.dataset import DatasetReader, Sample, open_dataset
+from endosdk.dataset import DatasetReader, Sample
+from endosdk.dataset_layouts import open_dataset
 from endosdk.picture import colour_map, robust_range
 
 CURVES = ("loss", "pairs", "range", "refinement")

@@ -62,18 +62,6 @@ def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDA
     return np.asarray(~(inside & seen))
 
 
-def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> DatasetReader:
-    """Open one split of a data set, ours or one in a public layout (`endosdk.dataset_layouts`).
-
-    Raises DatasetInvalid when it is not complete, InvalidArgument for an unknown layout or a split without truth.
-    """
-    if layout == "endosdk":
-        return DatasetReader(Path(root), split)
-    from endosdk.dataset_layouts import open_public
-
-    return open_public(Path(root), split, layout)
-
-
 class DatasetReader:
     """The samples of one split, read from disk when asked for."""
 

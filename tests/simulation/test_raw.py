@@ -10,7 +10,7 @@ import pytest
 
 from endosdk.calibration import StereoCalibration
 from endosdk.cli import main
-from endosdk.dataset import open_dataset
+from endosdk.dataset_layouts import open_dataset
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.raw import draw_rig, straight_rays
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import open_dataset, verify_dataset
+from endosdk.dataset import verify_dataset
+from endosdk.dataset_layouts import open_dataset
 
 WORDS = (
     *("--organ", "stomach", "--seed", "3", "--width", "64", "--height", "48", "--focal", "27", "--max-disparity", "6"),

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import open_dataset, verify_dataset, write_sample
+from endosdk.dataset import verify_dataset, write_sample
+from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import DependencyMissing, InvalidArgument, RendererUnavailable
 from endosdk.simulation.camera import rectified_pair
 from endosdk.simulation.cycles.environment import find_python

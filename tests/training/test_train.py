@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.dataset import open_dataset
+from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig

@@ -34,8 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Evaluate and print a table."""
     from endosdk.bench import write_record
     from endosdk.commands.sizes import parse_size
-    from endosdk.dataset import open_dataset
-    from endosdk.dataset_layouts import usual_split
+    from endosdk.dataset_layouts import open_dataset, usual_split
     from endosdk.evaluation import estimator_method, evaluate, sgbm_method, write_worst
     from endosdk.machine import machine_record
 

@@ -1,4 +1,4 @@
-"""Public stereo data sets in the layouts in which they are published, read as the same `Sample` as our own sets."""
+"""All data sets: ours, and public ones in the layouts in which they are published, read as the same `Sample`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,16 @@ READERS: dict[str, type[PublicReader]] = {
 }
 
 
-def open_public(root: Path, split: str, layout: str) -> DatasetReader:
-    """Open one split of a public set. Raises InvalidArgument for an unknown layout, DatasetInvalid for a wrong set."""
+def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> DatasetReader:
+    """Open one split of a data set, ours or one in a public layout.
+
+    Raises DatasetInvalid when it is not complete, InvalidArgument for an unknown layout or a split without truth.
+    """
+    if layout == "endosdk":
+        return DatasetReader(Path(root), split)
     if layout not in READERS:
         raise InvalidArgument("layout", f"must be one of endosdk, {', '.join(sorted(READERS))}", layout)
-    return READERS[layout](root, split)
+    return READERS[layout](Path(root), split)
 
 
 def usual_split(layout: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from endosdk.dataset import open_dataset
+from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation import estimator_method, evaluate
 from endosdk.machine import machine_record

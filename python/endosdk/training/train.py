@@ -20,7 +20,8 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.dataset import DatasetReader, open_dataset
+from endosdk.dataset import DatasetReader
+from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
