@@ -140,7 +140,8 @@ def main() -> None:
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     record = json.loads(arguments.json.read_text()) if arguments.json.is_file() else {}
     for name in arguments.only:
-        record[name] = {"result": PARTS[name](arguments), "machine": machine_record()}
+        command = f"python -m benchmarks.c_library --only {name}"
+        record[name] = {"command": command, "result": PARTS[name](arguments), "machine": machine_record()}
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
         arguments.json.write_text(json.dumps(record, indent=1) + "\n")
         say(f"{name}: {json.dumps(record[name]['result'])}")

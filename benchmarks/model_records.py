@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,10 @@ def record_models(args: argparse.Namespace, reader: DatasetReader, measure: Call
     """Measure every model asked for, write the record, and print it."""
     # A model that is not run keeps what the file says of it.
     models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
+    program = Path(sys.argv[0]).stem
     for model in args.models:
-        models[model] = {**measure(model), "machine": machine_record()}
+        command = f"python -m benchmarks.{program} --data {reader.name} --split {args.split} --pairs {args.pairs} --models {model}"
+        models[model] = {**measure(model), "command": command, "machine": machine_record()}
     dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
     record = {"dataset": dataset, "models": models}
     args.json.parent.mkdir(parents=True, exist_ok=True)

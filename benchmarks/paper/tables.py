@@ -163,6 +163,7 @@ def write_table(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any
     # Rows of the same pairs that were not asked for this time stay.
     rows = {**before.get("methods", {}), **rows}
     record = {
+        "command": _command(reader),
         "dataset": reader.name,
         "sha256": reader.sha256,
         "pairs": len(reader),
@@ -183,7 +184,11 @@ def write_ablations(file: Path, reader: DatasetReader, rows: dict[str, dict[str,
         kept = before.get(run.group, {}).get(run.label)
         groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
     record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": len(reader), "groups": groups}
-    write_record(file, {**record, "machine": machine_record()})
+    write_record(file, {"command": _command(reader), **record, "machine": machine_record()})
+
+
+def _command(reader: DatasetReader) -> str:
+    return f"python -m benchmarks.paper evaluate --test-data {reader.name}"
 
 
 def _before(file: Path, reader: DatasetReader) -> dict[str, Any]:
