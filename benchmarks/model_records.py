@@ -28,10 +28,10 @@ def record_models(args: argparse.Namespace, reader: DatasetReader, measure: Call
     """Measure every model asked for, write the record, and print it."""
     # A model that is not run keeps what the file says of it.
     models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
-    program = Path(sys.argv[0]).stem
+    program = f"python -m benchmarks.{Path(sys.argv[0]).stem}"
+    data = f"--data {reader.name} --split {args.split} --pairs {args.pairs}"
     for model in args.models:
-        command = f"python -m benchmarks.{program} --data {reader.name} --split {args.split} --pairs {args.pairs} --models {model}"
-        models[model] = {**measure(model), "command": command, "machine": machine_record()}
+        models[model] = {**measure(model), "command": f"{program} {data} --models {model}", "machine": machine_record()}
     dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
     record = {"dataset": dataset, "models": models}
     args.json.parent.mkdir(parents=True, exist_ok=True)
