@@ -157,7 +157,8 @@ def main() -> None:
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
     samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
-    record_models(args, reader, lambda model: measure(model, samples, args.real))
+    real = " --real DIR" if args.real else ""
+    record_models(args, reader, lambda model: measure(model, samples, args.real), real)
 
 
 if __name__ == "__main__":

@@ -24,12 +24,14 @@ def models_parser(description: str | None, pairs_help: str) -> argparse.Argument
     return parser
 
 
-def record_models(args: argparse.Namespace, reader: DatasetReader, measure: Callable[[str], dict[str, Any]]) -> None:
-    """Measure every model asked for, write the record, and print it."""
+def record_models(
+    args: argparse.Namespace, reader: DatasetReader, measure: Callable[[str], dict[str, Any]], more: str = ""
+) -> None:
+    """Measure every model asked for, write the record, and print it; ``more`` are options of this benchmark alone."""
     # A model that is not run keeps what the file says of it.
     models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
     program = f"python -m benchmarks.{Path(sys.argv[0]).stem}"
-    data = f"--data {reader.name} --split {args.split} --pairs {args.pairs}"
+    data = f"--data {reader.name} --split {args.split} --pairs {args.pairs}{more}"
     for model in args.models:
         models[model] = {**measure(model), "command": f"{program} {data} --models {model}", "machine": machine_record()}
     dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}

@@ -16,7 +16,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
-    "loss": (str, "scale-invariant, l2 or smooth-l1"),
+    "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss"),
     "steps": (int, "steps in all"),
     "optimiser": (str, "rmsprop or adamw"),
