@@ -15,8 +15,8 @@ __all__ = ["NETWORKS", "StereoNetwork", "build_network"]
 # The variants of fast are the other points on the front of latency and error, which `benchmarks/front.py` draws.
 NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
     "fast": Fast,
-    "fast-small": partial(Fast, shape=Shape(blocks=1, layers=1)),
-    "fast-deep": partial(Fast, shape=Shape(layers=4, refine_layers=2)),
+    "fast-small": partial(Fast, shape=Shape(blocks=1, layers=1, refine_layers=1)),
+    "fast-deep": partial(Fast, shape=Shape(layers=4)),
     "fast-wide": partial(Fast, shape=Shape(stem=48, volume=32, refine=48)),
     "wang2020": Wang2020,
 }
