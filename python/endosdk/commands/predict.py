@@ -25,7 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--network-size",
         metavar="WxH",
-        help="size the network works at (default: the frame, or 720 wide when it is over 960)",
+        help="size the network works at (default: what the model is made for)",
     )
     parser.add_argument("--provider", default="cpu", help="cpu, cuda, tensorrt (default: %(default)s)")
     parser.add_argument("--threads", type=int, help="processor threads (default: all)")
