@@ -1,4 +1,4 @@
-"""The tables of README.md and of the model cards, from the records they are backed by.
+"""The tables of README.md, of the model cards and of other pages, from the records they are backed by.
 
     python -m benchmarks.tables            # write them anew
     python -m benchmarks.tables --check    # tell whether any differs from its record
@@ -19,7 +19,14 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
-DOCUMENTS = ("README.md", "models/fast.md", "models/wang2020.md", "docs/datasets/endosim-gi.md")
+DOCUMENTS = (
+    "README.md",
+    "models/fast.md",
+    "models/wang2020.md",
+    "docs/c-library.md",
+    "docs/datasets/endosim-gi.md",
+    "docs/model-file.md",
+)
 PLACE = re.compile(r"(<!-- table: ([a-z-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 METHODS = {
@@ -37,6 +44,20 @@ SPEEDS = {
     "fast-fp32": "fast-fp32, 960 x 720, 2",
     "wang2020": "wang2020, 960 x 720, 2",
 }
+
+# Pairs of the agreement record, from good ones to those that no answer should come of.
+PAIRS = {
+    "right_pairs": "right pairs of `endosim-gi`",
+    "bad_light/a sixteenth of the light": "one of them with a sixteenth of the light",
+    "real_pairs/scared_rectified": "real porcine frame, rectified",
+    "wrong_pairs/both black": "both views black",
+    "wrong_pairs/right covered": "right camera covered",
+    "wrong_pairs/right frozen grey": "right view a uniform grey",
+    "wrong_pairs/twice the left": "the left view twice",
+    "wrong_pairs/views swapped": "views swapped",
+    "wrong_pairs/right 12 rows off": "right view 12 rows off",
+}
+MARGIN_PX = 0.5  # short of the last plane, from which on the SDK marks pixels
 
 
 def accuracy_table(record: str = "accuracy") -> str:
@@ -65,10 +86,37 @@ def speed_table() -> str:
     return _table(heads, rows)
 
 
+def agreement_table() -> str:
+    """Share of pixels that `fast` answers, without and with the rule that both views must agree."""
+    found = _record("agreement")["models"]["fast"]
+    rows = []
+    for place, label in PAIRS.items():
+        group, _, name = place.partition("/")
+        shares = found[group][name] if name else found[group]
+        rows.append([label, *(_percent(shares[f"answered_{rule}"]) for rule in ("without", "with"))])
+    return _table(["pair", "without this rule", "with it"], rows)
+
+
+def range_end_table() -> str:
+    """What each margin before the last plane finds and loses, by model."""
+    models = {name: _record("range_end")["models"][name]["margins"] for name in ("fast", "wang2020")}
+    what = ("marked_of_surfaces_beyond", "beyond_the_last_plane_of_marked", "marked_of_right_answers")
+    heads = ["margin, px"]
+    for name in models:
+        heads += [f"`{name}`: marked of surfaces beyond", "of marked, beyond the last plane", "right answers lost"]
+    rows = []
+    for margins in zip(*models.values(), strict=True):
+        cells = [f"{margins[0]['margin_px']:g}", *(_percent(margin[key]) for margin in margins for key in what)]
+        rows.append([f"**{cell}**" for cell in cells] if margins[0]["margin_px"] == MARGIN_PX else cells)
+    return _table(heads, rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
     "accuracy-cycles": partial(accuracy_table, "accuracy_cycles"),
     "speed": speed_table,
+    "agreement": agreement_table,
+    "range-end": range_end_table,
 }
 
 
@@ -80,6 +128,10 @@ def filled(text: str) -> str:
 def _record(name: str) -> dict[str, Any]:
     record: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text())
     return record
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:
