@@ -91,6 +91,16 @@ def test_views_match_best_at_the_true_disparity(renderer: Rasteriser, organ: str
     assert error[0] < 0.8 * min(error[-0.5], error[0.5])
 
 
+@pytest.mark.parametrize("seed", [2020000127, 2020500031])
+def test_a_tool_that_would_lie_at_a_lens_is_left_out(renderer: Rasteriser, seed: int) -> None:
+    scene = draw_scene(seed, "gi")
+    assert scene.instrument is not None
+    load_scene(renderer, scene, SMALL, painted=False)
+    placed = place_camera(renderer, scene, SMALL, Limits(2 / 4, 69.5 / 4))
+    assert placed.scene.instrument is None
+    assert placed.scale < 30
+
+
 def test_the_same_seed_gives_the_same_bits(renderer: Rasteriser, samples: dict[str, Sample]) -> None:
     again = render_sample(renderer, 11, "stomach", SMALL, LIMITS)
     other = render_sample(renderer, 12, "stomach", SMALL, LIMITS)

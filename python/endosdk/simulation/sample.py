@@ -23,7 +23,7 @@ from endosdk.simulation.sensor import expose
 from endosdk.simulation.shadow import near_shadow
 from endosdk.simulation.texture import paint_tissue
 
-GENERATOR_VERSION = "2"
+GENERATOR_VERSION = "3"
 POSE_TRIALS = 8
 PREVIEW_PX = 240
 TEXTURED_FOR_PX = 960  # width of picture for which the sizes of textures are given
@@ -31,6 +31,7 @@ NO_EFFECTS = Effects()
 # A pose is refused when little of the picture is near, or when a fold right at the lens takes all the range.
 CLOSE_SHARE, CLOSE_DISPARITY = 0.25, 0.33
 LENS_SHARE, LENS_DISPARITY = 0.03, 0.85
+TOOL_AT_LENS = 5.0  # so much nearer than the tissue, a tool would leave no disparity to anything else
 
 
 @dataclass(frozen=True)
@@ -133,14 +134,23 @@ def _add(renderer: Renderer, part: Part, mesh: Mesh, camera: StereoCamera) -> No
 
 
 def place_camera(renderer: Renderer, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
-    """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range."""
+    """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range.
+
+    An instrument whose shaft would lie right at a lens is left out; the scene that is returned has none.
+    """
     preview = rectified_pair(smaller(camera)).left
     wanted = max(limits.largest * scene.nearest_share, 4 * limits.smallest)
     pose = _choose_pose(renderer, scene, preview, limits.smallest / wanted)
+    scale = _fit_scale(renderer, pose, camera, wanted)
     if scene.instrument is not None:
         for part in instrument_parts(scene.instrument, renderer.depth(preview, pose, 1.0), preview, pose):
             _add(renderer, part, build_mesh(part.shape, (part.seed, 0)), camera)
-    scale = _fit_scale(renderer, pose, camera, wanted)
+        with_tool = _fit_scale(renderer, pose, camera, wanted)
+        if with_tool > TOOL_AT_LENS * scale:
+            scene = replace(scene, instrument=None)
+            load_scene(renderer, scene, camera)
+        else:
+            scale = with_tool
     return Placed(scene, pose, scale, scale * float(np.median(renderer.depth(preview, pose, 1.0))))
 
 
