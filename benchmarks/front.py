@@ -58,7 +58,7 @@ def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     figure, axes = pyplot.subplots(figsize=(7.2, 4.4), layout="constrained")
     for name, point in points.items():
@@ -67,8 +67,14 @@ def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
         axes.annotate(name, (point["ms"], point["epe_px"]), xytext=(6, 5), textcoords="offset points", fontsize=9)
     axes.axvline(1000 / 45, color="C3", linewidth=1, linestyle="--")
     axes.text(1000 / 45, axes.get_ylim()[1], " 45 FPS", color="C3", va="top", fontsize=8)
+    axes.margins(x=0.15, y=0.1)
     axes.set(xscale="log", yscale="log", xlabel="median time of a frame, ms", ylabel="end-point error, px", title=title)
-    axes.grid(which="both", alpha=0.25)
+    axes.set_xticks([10, 20, 50, 100, 200, 500, 1000])
+    axes.set_yticks([0.2, 0.3, 0.5, 1.0, 2.0])
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_locator(ticker.NullLocator())
+    axes.grid(alpha=0.25)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
     pyplot.close(figure)

@@ -57,7 +57,9 @@ def test_a_set_says_what_it_is(whole: Path) -> None:
 
 def started(out: Path, *words: str, stderr: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
     """Start the command in a process of its own, and return when it has rendered something."""
-    program = "import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
+    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = f"{heed}; import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "simulate", "--out", str(out), *SMALL, *words]
     run = subprocess.Popen(command, stderr=stderr, text=True, start_new_session=True)
     limit = time.monotonic() + 120
