@@ -57,7 +57,7 @@ PAIRS = {
     "wrong_pairs/views swapped": "views swapped",
     "wrong_pairs/right 12 rows off": "right view 12 rows off",
 }
-MARGIN_PX = 0.5  # short of the last plane, from which on the SDK marks pixels
+MARGIN_PX = 0.5  # what the SDK keeps to, `last_plane_margin` of cpp/src/postprocess.hpp
 
 
 def accuracy_table(record: str = "accuracy") -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,11 +40,6 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "noise": (True, "no noise of the chips"),
     "compression": (True, "no JPEG artefacts"),
 }
-
-# Settings that `Effects` knows by the same name.
-_EFFECTS = (
-    "shutter", "chroma", "bubbles", "emitters", "vignetting", "glare", "exposure_difference", "noise", "compression",
-)  # fmt: skip
 
 
 def _option(name: str) -> str:
@@ -131,10 +127,11 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     chosen: dict[str, Any] = {name: getattr(args, name) if name in given else _SETTINGS[name][0] for name in _SETTINGS}
     if video and chosen["frames"] < 1:
         raise InvalidArgument("frames", "must be at least 1 for a video", chosen["frames"])
+    same_name = {field.name: chosen[field.name] for field in fields(Effects) if field.name in chosen}
     return Recipe(
         **{name: chosen[name] for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig")},
         camera=StereoCamera(chosen["width"], chosen["height"], chosen["focal"], chosen["baseline"]),
         limits=Limits(chosen["min_disparity"], chosen["max_disparity"]),
-        effects=Effects(motion_px=chosen["motion_blur"], **{name: chosen[name] for name in _EFFECTS}),
+        effects=Effects(motion_px=chosen["motion_blur"], **same_name),
         frames=chosen["frames"] if video else 0,
     )

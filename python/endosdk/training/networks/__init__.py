@@ -12,7 +12,7 @@ from endosdk.training.networks.wang2020 import Wang2020
 
 __all__ = ["NETWORKS", "StereoNetwork", "build_network"]
 
-# The variants of fast are the other points on the front of latency and error, which `benchmarks/front.py` draws.
+# The variants of fast are for the front of latency and error; none that is shipped has been trained from them.
 NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
     "fast": Fast,
     "fast-small": partial(Fast, shape=Shape(blocks=1, layers=1, refine_layers=1)),
