@@ -46,15 +46,15 @@ def done(tiny_set, tmp_path_factory):
     places = [f"--{name}={base / name}" for name in ("runs", "results", "docs")]
     given = [f"--data={tiny_set}", *places]
     short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32", "--budget=gpu"]
-    chosen = ["--only", "wang2020", "loss-l2"]
+    chosen = ["--only", "wang2020", "base", "loss-l2"]
     assert main(["plan", *given, *short, *chosen]) == 0
     assert main(["search", *given, "--pairs=1"]) == 0
     assert main(["train", *given, *short, *chosen, "--steps=2"]) == 0
-    methods = ["--only", "wang2020", "loss-l2", "sgbm", "sgbm-hh", "bm"]
+    methods = ["--only", "wang2020", "base", "loss-l2", "sgbm", "sgbm-hh", "bm"]
     # Half of a budget of four steps was used.
     assert main(["evaluate", *given, *short, *methods, "--steps=4"]) == 0
     assert main(["time", *given, "--only", "bm"]) == 0
-    assert main(["figures", *given, "--budget=gpu"]) == 0
+    assert main(["figures", *given]) == 0
     assert main(["report", *places]) == 0
     return base
 
@@ -154,9 +154,12 @@ def test_every_experiment_is_a_valid_configuration(budget):
     assert {run.name: run.changes for run in unique_runs()} == {run.name: run.changes for run in EXPERIMENTS}
 
 
-def test_small_budget_is_the_same_for_all_but_the_one_that_is_too_dear():
-    planned = {run.planned("cpu", {})["steps"] for run in EXPERIMENTS}
-    assert len(planned) == 1 and planned.pop() < PROTOCOL["steps"]
+def test_small_budget_is_the_same_for_all_runs_of_a_table_but_the_one_that_is_too_dear():
+    for budget in BUDGETS:
+        for table in ((run for run in EXPERIMENTS if (run.group == "table1") == first) for first in (True, False)):
+            planned = {(s["steps"], s["batch"], s["crop"]) for s in (run.planned(budget, {}) for run in table)}
+            assert len(planned) == 1
+    assert EXPERIMENTS[0].planned("cpu", {})["steps"] < PROTOCOL["steps"]
     short = [run.name for run in unique_runs() if run.settings("cpu", {})["steps"] < run.planned("cpu", {})["steps"]]
     assert short == ["psmnet"]
     assert next(run for run in EXPERIMENTS if run.name == "psmnet").settings("cpu", {"steps": 2})["steps"] == 2

@@ -144,9 +144,10 @@ def _evaluate(args: argparse.Namespace) -> None:
         rows.update(tables.shipped_rows(scores, size, wanted))
     if args.only and "patchmatch" in args.only:  # hours: only when it is named
         rows.update(tables.patchmatch_rows(scores, args.runs))
-    tables.write_table(args.results / f"{args.table}.json", reader, rows)
+    if rows:
+        tables.write_table(args.results / f"{args.table}.json", scores, rows)
     if args.table == "table1":
-        tables.write_ablations(args.results / "ablations.json", reader, trained)
+        tables.write_ablations(args.results / "ablations.json", scores, trained)
 
 
 def _best_sgbm(results: Path) -> dict[str, Any] | None:
@@ -165,7 +166,7 @@ def _time(args: argparse.Namespace) -> None:
 def _figures(args: argparse.Namespace) -> None:
     from benchmarks.paper.figures import draw_all
 
-    for file in draw_all(args, args.runs / _budget(args)):
+    for file in draw_all(args):
         print(f"written {file}")
 
 

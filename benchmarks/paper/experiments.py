@@ -29,17 +29,26 @@ PROTOCOL: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Budget:
-    """How much every run alike may see on one kind of device: what differs from the protocol, and who stops earlier."""
+    """How much a run may see on one kind of device: what differs from the protocol, and who stops earlier.
+
+    The runs of a group are alike: those of Table 1 take ``changes``, those of all other groups ``ablation``.
+    """
 
     changes: dict[str, Any] = field(default_factory=dict)
+    ablation: dict[str, Any] = field(default_factory=dict)
     most_steps: dict[str, int] = field(default_factory=dict)  # of networks that are too dear for the whole budget
 
 
-# Two cores would need about three days for the protocol. Their budget is that of one: fewer crops for everybody, and
-# the refinement, a local part and by far the dearest, learns on a window of each.
+# Two cores would need about three days for the protocol. Theirs is a day: fewer crops for everybody, and the
+# refinement, a local part and by far the dearest, learns on a window of each. The ablations, thirteen runs that are
+# compared with one another alone, take fewer and smaller crops still.
 BUDGETS = {
     "gpu": Budget(),
-    "cpu": Budget({"steps": 2000, "refine_crop": (128, 256)}, {"psmnet": 900}),
+    "cpu": Budget(
+        changes={"steps": 2000, "refine_crop": (128, 256)},
+        ablation={"steps": 600, "crop": (192, 384), "refine_crop": (64, 128)},
+        most_steps={"psmnet": 900},
+    ),
 }
 
 
@@ -54,7 +63,8 @@ class Experiment:
 
     def planned(self, budget: str, overrides: dict[str, Any]) -> dict[str, Any]:
         """Return all settings of the whole budget; overrides shorten every run alike: a comparison stays fair."""
-        return {**PROTOCOL, **BUDGETS[budget].changes, **self.changes, **overrides}
+        share = BUDGETS[budget].changes if self.group == "table1" else BUDGETS[budget].ablation
+        return {**PROTOCOL, **share, **self.changes, **overrides}
 
     def settings(self, budget: str, overrides: dict[str, Any]) -> dict[str, Any]:
         """Return the settings to train with: a network that is too dear for the budget takes fewer steps."""
@@ -73,20 +83,20 @@ EXPERIMENTS = (
     Experiment("psmnet", "table1", "PSMNet", {"network": "psmnet", **RIVAL}),
     Experiment("loss-l2", "loss", "L2", {"loss": "l2"}),
     Experiment("loss-log", "loss", "lambda 0", {"balance": 0.0}),
-    Experiment("wang2020", "loss", "lambda 0.5"),
+    Experiment("base", "loss", "lambda 0.5"),
     Experiment("loss-invariant", "loss", "lambda 1", {"balance": 1.0}),
     Experiment("loss-l2-again", "loss", "L2, second seed", {"loss": "l2", "seed": 1}),
-    Experiment("wang2020-again", "loss", "lambda 0.5, second seed", {"seed": 1}),
+    Experiment("base-again", "loss", "lambda 0.5, second seed", {"seed": 1}),
     Experiment("pairs-100", "pairs", "100 pairs", {"train_pairs": 100}),
     Experiment("pairs-400", "pairs", "400 pairs", {"train_pairs": 400}),
-    Experiment("wang2020", "pairs", "800 pairs"),
+    Experiment("base", "pairs", "800 pairs"),
     Experiment("pairs-900", "pairs", "900 pairs", {"train_pairs": 900}),
     Experiment("range-192", "range", "192 px", {"max_disparity": 192}),
-    Experiment("wang2020", "range", "72 px"),
+    Experiment("base", "range", "72 px"),
     Experiment("range-56", "range", "56 px", {"max_disparity": 56}),
     Experiment("range-48", "range", "48 px", {"max_disparity": 48}),
     Experiment("range-40", "range", "40 px", {"max_disparity": 40}),
-    Experiment("wang2020", "refinement", "with refinement"),
+    Experiment("base", "refinement", "with refinement"),
     # The refinement starts as the identity: never trained, it leaves the coarse map as it is.
     Experiment("no-refinement", "refinement", "without refinement", {"refine_from_step": 10**9}),
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -14,31 +13,28 @@ from matplotlib.figure import Figure
 
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
+from benchmarks.paper.experiments import GROUPS, LABELS
 from endosdk.dataset import DatasetReader, Sample
 from endosdk.dataset_layouts import open_dataset
 from endosdk.picture import colour_map, robust_range
 
 CURVES = ("loss", "pairs", "range", "refinement")
-SMOOTHED_STEPS = 40  # of the loss curves: a batch's loss says little
+SMOOTHED = 40  # entries of a curve: a batch's error says little
 
 
-def draw_all(args: argparse.Namespace, runs: Path) -> list[Path]:
-    """Draw every figure that there are results for, with the curves of the runs in ``runs``; return the files."""
+def draw_all(args: argparse.Namespace) -> list[Path]:
+    """Draw every figure that there are results for; return the files."""
     args.docs.mkdir(parents=True, exist_ok=True)
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     written = [draw_histogram(reader, args.docs / "histogram.png", args.pairs)]
-    for group in CURVES:
-        curves = {run.label: _log(runs / run.name) for run in EXPERIMENTS if run.group == group}
-        curves = {label: rows for label, rows in curves.items() if rows}
-        if curves:
-            written.append(draw_curves(curves, GROUPS[group].title, args.docs / f"{group}_loss.png"))
     ablations = args.results / "ablations.json"
-    if ablations.exists():
-        for group, rows in json.loads(ablations.read_text())["groups"].items():
-            known = {label: values for label, values in rows.items() if values}
-            if group in CURVES and known:
-                written.append(draw_bars(known, GROUPS[group].title, args.docs / f"{group}_epe.png"))
+    groups = json.loads(ablations.read_text())["groups"] if ablations.exists() else {}
+    for group in CURVES:
+        known = {label: row for label, row in groups.get(group, {}).items() if row}
+        if known:
+            title = GROUPS[group].title
+            written.append(draw_curves(known, title, args.docs / f"{group}_loss.png"))
+            written.append(draw_bars(known, title, args.docs / f"{group}_epe.png"))
     written.append(draw_methods(args, reader, reader[0], args.docs / "methods.png"))
     return written
 
@@ -57,15 +53,15 @@ def draw_histogram(reader: DatasetReader, file: Path, limit: int | None = None) 
     return _save(figure, file)
 
 
-def draw_curves(curves: dict[str, list[dict[str, float]]], title: str, file: Path) -> Path:
+def draw_curves(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
     """Draw the training error of the finest map against steps, one curve a run."""
     figure = Figure(figsize=(6, 3.6))
     axes = figure.add_subplot()
-    for label, rows in curves.items():
-        errors = np.array([row.get("epe_refined", row["epe_coarse"]) for row in rows])
-        width = max(1, min(SMOOTHED_STEPS, len(errors) // 4))
+    for label, values in rows.items():
+        steps, errors = values["curve"]["steps"], np.array(values["curve"]["epe"])
+        width = max(1, min(SMOOTHED, len(errors) // 4))
         smooth = np.convolve(errors, np.ones(width) / width, mode="valid")
-        axes.plot([row["step"] for row in rows][width - 1 :], smooth, label=label)
+        axes.plot(steps[width - 1 :], smooth, label=label)
     axes.set(xlabel="step", ylabel="error on training crops, px", title=title, yscale="log")
     axes.legend()
     axes.grid(alpha=0.3)
@@ -122,11 +118,3 @@ def _save(figure: Figure, file: Path) -> Path:
     figure.tight_layout()
     FigureCanvasAgg(figure).print_figure(file, dpi=110, metadata={"Software": None})
     return file
-
-
-def _log(folder: Path) -> list[dict[str, float]]:
-    file = folder / "log.csv"
-    if not file.exists():
-        return []
-    with file.open(newline="") as lines:
-        return [{key: float(value) for key, value in row.items() if value} for row in csv.DictReader(lines)]

@@ -6,6 +6,7 @@ import base64
 import html
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +37,9 @@ def _read(file: Path) -> dict[str, Any]:
 
 def _head(table: dict[str, Any]) -> list[str]:
     data = f"{table['dataset']}, {table['pairs']} test pairs" if table else MISSING
-    small = {**PROTOCOL, **BUDGETS["cpu"].changes}
-    stops = ", ".join(
-        f"{name} stops after {steps * small['batch']}" for name, steps in BUDGETS["cpu"].most_steps.items()
-    )
-    window = f"{small['refine_crop'][1]} x {small['refine_crop'][0]}"
+    cpu = BUDGETS["cpu"]
+    small, smallest = ({**PROTOCOL, **changes} for changes in (cpu.changes, cpu.ablation))
+    stops = ", ".join(f"{name} stops after {steps * small['batch']}" for name, steps in cpu.most_steps.items())
     return [
         "# The paper's experiments, redone",
         "",
@@ -50,13 +49,21 @@ def _head(table: dict[str, Any]) -> list[str]:
         f"Data: {data}.",
         "",
         f"The protocol, for a GPU, is the same for every network: {PROTOCOL['train_pairs']} training pairs, "
-        f"{PROTOCOL['steps'] * PROTOCOL['batch']} crops of {PROTOCOL['crop'][1]} x {PROTOCOL['crop'][0]}, "
-        f"{PROTOCOL['optimiser']}, the same augmentation. The budget for processors is smaller, again for every run "
-        f"alike: {small['steps'] * small['batch']} crops, and where a network has a refinement apart, that learns on a "
-        f"window of {window} in each; {stops}. Each table says what its runs saw. What has not been run is named and "
-        "has no number.",
+        f"{_crops(PROTOCOL)}, {PROTOCOL['optimiser']}, the same augmentation. The budget for processors is smaller, "
+        f"again for every run of a table alike. Table 1: {_crops(small)}, and where a network has a refinement apart, "
+        f"that learns on a window of {_size(small['refine_crop'])} in each; {stops}. Ablations: {_crops(smallest)}, "
+        f"the refinement on {_size(smallest['refine_crop'])}: they are compared with one another, not with Table 1. "
+        "Each table says what its runs saw. What has not been run is named and has no number.",
         "",
     ]
+
+
+def _crops(settings: dict[str, Any]) -> str:
+    return f"{settings['steps'] * settings['batch']} crops of {_size(settings['crop'])}"
+
+
+def _size(sides: Sequence[int]) -> str:
+    return f"{sides[1]} x {sides[0]}"
 
 
 def _table(title: str, table: dict[str, Any]) -> list[str]:
@@ -90,10 +97,9 @@ def _seen(rows: dict[str, dict[str, Any] | None]) -> list[str]:
     said = []
     for row in rows.values():
         if row and "train_data" in row:
-            high, wide = row["crop"]
-            text = f"{row['train_data']['name']}, {row['samples_planned']} crops of {wide} x {high} planned"
+            text = f"{row['train_data']['name']}, {row['samples_planned']} crops of {_size(row['crop'])} planned"
             if row["refine_crop"]:
-                text += f", the refinement on {row['refine_crop'][1]} x {row['refine_crop'][0]} of each"
+                text += f", the refinement on {_size(row['refine_crop'])} of each"
             said.append(text)
     return [f"Trained on {'; others on '.join(dict.fromkeys(said))}.", ""] if said else []
 
@@ -124,7 +130,7 @@ def _groups(table: dict[str, Any], ablations: dict[str, Any], docs: Path) -> lis
         lines += [f"## {group.title} ({group.figures})", "", f"The paper: {group.claim}.", ""]
         lines += [f"Ours: {verdict(key, rows)}", ""]
         if key != "table1":
-            lines += ["| run | EPE, px | over 1 px | crops seen |", "|---|---|---|---|"]
+            lines += ["| run | EPE, px | over 1 px | test pairs | crops seen |", "|---|---|---|---|---|"]
             lines += [_ablation_line(run.label, rows.get(run.label)) for run in EXPERIMENTS if run.group == key]
             lines += ["", *_seen(rows)]
         names = ["methods"] if key == "table1" else [f"{key}_loss", f"{key}_epe"]
@@ -137,9 +143,9 @@ def _groups(table: dict[str, Any], ablations: dict[str, Any], docs: Path) -> lis
 
 def _ablation_line(label: str, row: dict[str, Any] | None) -> str:
     if row is None:
-        return f"| {label} | {MISSING} | | |"
+        return f"| {label} | {MISSING} | | | |"
     seen = f"{row['samples_seen']} of {row['samples_planned']}"
-    return f"| {label} | {row['epe']:.4f} | {100 * row['kpe']['1']:.1f} % | {seen} |"
+    return f"| {label} | {row['epe']:.4f} | {100 * row['kpe']['1']:.1f} % | {row['pairs']} | {seen} |"
 
 
 def as_html(markdown: str, folder: Path) -> str:

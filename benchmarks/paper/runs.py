@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import signal
 import sys
@@ -63,6 +64,14 @@ def state_of(experiment: Experiment, runs: Path, budget: str, overrides: dict[st
     saved = checkpoint.load(folder)
     steps = experiment.planned(budget, overrides)["steps"]
     return RunState(experiment.name, budget, folder, saved.step, steps, saved.config, saved.state["dataset"])
+
+
+def training_curve(state: RunState) -> dict[str, list[float]]:
+    """Read from a run's log the steps and the error, px, of its finest map on each step's crops."""
+    with (state.folder / "log.csv").open(newline="") as file:
+        lines = [line for line in csv.DictReader(file) if int(line["step"]) <= state.step]
+    errors = [float(line["epe_refined"] or line["epe_coarse"]) for line in lines]
+    return {"steps": [int(line["step"]) for line in lines], "epe": [round(error, 4) for error in errors]}
 
 
 def advance(experiment: Experiment, config: TrainConfig, folder: Path) -> None:

@@ -17,7 +17,7 @@ from benchmarks.methods.costs import network_costs
 from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
-from benchmarks.paper.runs import RunState, exported
+from benchmarks.paper.runs import RunState, exported, training_curve
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
 from endosdk.dataset import DatasetReader, Sample
@@ -154,16 +154,18 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
         "refine_crop": config.refine_crop,
         "train_pairs": config.train_pairs,
         "train_data": state.trained_on,
+        "curve": training_curve(state),
     }
 
 
-def write_table(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any]]) -> None:
+def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> None:
     """Write the rows of Table 1; methods that have not been run are listed by name, without numbers."""
+    reader = scores.reader
     before = _before(file, reader)
     # Rows of the same pairs that were not asked for this time stay.
     rows = {**before.get("methods", {}), **rows}
     record = {
-        "command": _command(reader),
+        "command": _command(scores),
         "dataset": reader.name,
         "sha256": reader.sha256,
         "pairs": len(reader),
@@ -176,19 +178,21 @@ def write_table(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any
     write_record(file, {**record, **kept})
 
 
-def write_ablations(file: Path, reader: DatasetReader, rows: dict[str, dict[str, Any]]) -> None:
+def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> None:
     """Write the rows of every group of runs, by label; None where a run is missing."""
+    reader = scores.reader
     before = _before(file, reader).get("groups", {})
     groups: dict[str, dict[str, Any]] = {}
     for run in EXPERIMENTS:
         kept = before.get(run.group, {}).get(run.label)
         groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
     record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": len(reader), "groups": groups}
-    write_record(file, {"command": _command(reader), **record, "machine": machine_record()})
+    write_record(file, {"command": _command(scores), **record, "machine": machine_record()})
 
 
-def _command(reader: DatasetReader) -> str:
-    return f"python -m benchmarks.paper evaluate --test-data {reader.name}"
+def _command(scores: Scores) -> str:
+    some = "" if scores.limit is None else f" --pairs {scores.limit}"
+    return f"python -m benchmarks.paper evaluate --test-data {scores.reader.name}{some}"
 
 
 def _before(file: Path, reader: DatasetReader) -> dict[str, Any]:
