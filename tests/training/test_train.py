@@ -116,8 +116,24 @@ def test_another_run_can_be_the_start(dataset_root, tmp_path):
     first, second = weights(tmp_path / "first"), weights(tmp_path / "b")
     torch.testing.assert_close(first["stem.conv.weight"], second["stem.conv.weight"], atol=1e-7, rtol=0)
     assert checkpoint.load(tmp_path / "b").state["init"]["steps"] == 2
-    with pytest.raises(InvalidArgument, match="fast/72"):
-        train(settings(dataset_root, init_from=str(tmp_path / "first"), max_disparity=48), tmp_path / "c")
+    with pytest.raises(InvalidArgument, match="network: must be the checkpoint's fast"):
+        train(settings(dataset_root, init_from=str(tmp_path / "first"), network="wang2020"), tmp_path / "c")
+
+
+@pytest.mark.parametrize("network", ["fast", "wang2020"])
+def test_a_run_of_another_range_can_be_the_start(network, dataset_root, tmp_path):
+    common = {"network": network, "steps": 1, "rate": 1e-9, "final_rate": 1e-9}
+    train(settings(dataset_root, max_disparity=48, **common), tmp_path / "near")
+    train(settings(dataset_root, max_disparity=96, init_from=str(tmp_path / "near"), **common), tmp_path / "far")
+    near, far = weights(tmp_path / "near"), weights(tmp_path / "far")
+    assert near.keys() == far.keys()
+    for name in near:
+        if name.endswith("conv.weight"):
+            torch.testing.assert_close(near[name], far[name], atol=1e-7, rtol=0)
+    assert checkpoint.load(tmp_path / "far").build().max_disparity == 96
+    assert checkpoint.load(tmp_path / "far").state["init"]["max_disparity"] == 48
+    with pytest.raises(InvalidArgument, match="max_disparity"):
+        train(settings(dataset_root, max_disparity=96, **{**common, "steps": 2}), tmp_path / "near", resume=True)
 
 
 def test_a_run_is_not_overwritten(dataset_root, tmp_path):

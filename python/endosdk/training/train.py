@@ -94,12 +94,13 @@ class Run:
         if source is None:
             return None
         saved = checkpoint.load(Path(source))
-        if (saved.config.network, saved.config.max_disparity) != (self.config.network, self.config.max_disparity):
-            raise InvalidArgument(
-                "network",
-                f"must be the checkpoint's {saved.config.network}/{saved.config.max_disparity}",
-                f"{self.config.network}/{self.config.max_disparity}",
-            )
+        # No weight depends on how many planes are searched: a run may start from one of another range.
+        fixed = ("network", "max_disparity") if resume else ("network",)
+        for name in fixed:
+            if getattr(saved.config, name) != getattr(self.config, name):
+                raise InvalidArgument(
+                    name, f"must be the checkpoint's {getattr(saved.config, name)}", getattr(self.config, name)
+                )
         self.network.load_state_dict(saved.network)
         if resume:
             if saved.config.optimiser != self.config.optimiser:
@@ -107,7 +108,8 @@ class Run:
             self.step, self.seconds = saved.step, float(saved.state["seconds"])
             self.history, self.origin = saved.state["history"], saved.state["init"]
         else:
-            past = {key: saved.config.as_dict()[key] for key in ("loss", "optimiser", "rate", "final_rate")}
+            kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate")
+            past = {key: saved.config.as_dict()[key] for key in kept}
             self.origin = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
         return saved
 
