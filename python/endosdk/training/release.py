@@ -12,6 +12,7 @@ from endosdk.machine import machine_record
 from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.evaluate import full_scores
 from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import describe_quantised, quantize_model
 
@@ -41,6 +42,7 @@ def release(
     reader = open_dataset(data if data is not None else Path(trained.config.data), "test", layout=layout)
     if len(reader) == 0:
         raise InvalidArgument("data", "must have pairs in its test split", reader.name)
+    keep_freed_memory()  # the frames of the test split go through torch on the CPU
     network = trained.build()
     scores = full_scores(network, reader)
     machine = machine_record()
