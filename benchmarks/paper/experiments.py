@@ -46,7 +46,7 @@ BUDGETS = {
     "gpu": Budget(),
     "cpu": Budget(
         changes={"steps": 2000, "refine_crop": (128, 256)},
-        ablation={"steps": 500, "crop": (192, 384), "refine_crop": (64, 128)},
+        ablation={"steps": 400, "crop": (192, 384), "refine_crop": (64, 128)},
         most_steps={"psmnet": 900},
     ),
 }
