@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.record import machine_record
+from endosdk.baseline import SgbmSettings
 from endosdk.dataset_layouts import open_dataset
 from endosdk.evaluation import estimator_method, evaluate, sgbm_method
 from endosdk.models import read_model
@@ -25,18 +26,24 @@ def main() -> None:
     parser.add_argument("--split", default="test")
     parser.add_argument("--pairs", type=int, help="only the first so many pairs")
     parser.add_argument("--models", nargs="+", default=["wang2020"], help="shipped names or .onnx files")
+    parser.add_argument("--sgbm-range", type=int, default=80, help="disparities that StereoSGBM tries, px")
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
     methods = {name: estimator_method(name) for name in args.models}
-    methods |= {"sgbm-filled": sgbm_method(filled=True), "sgbm": sgbm_method(filled=False)}
+    sgbm = SgbmSettings(max_disparity=args.sgbm_range)
+    methods |= {
+        "sgbm-filled": sgbm_method(filled=True, settings=sgbm),
+        "sgbm": sgbm_method(filled=False, settings=sgbm),
+    }
     scores = {}
     for name, method in methods.items():
         print(name, file=sys.stderr)
         scores[name] = evaluate(method, reader, args.pairs)
     record = {
         "command": f"python -m benchmarks.accuracy --data {reader.name} --split {args.split} "
-        f"--models {' '.join(args.models)}" + (f" --pairs {args.pairs}" if args.pairs else ""),
+        f"--models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
+        + (f" --pairs {args.pairs}" if args.pairs else ""),
         "dataset": {"name": reader.name, "split": args.split, "sha256": reader.sha256},
         "models": {name: read_model(name).sha256 for name in args.models},
         "methods": scores,

@@ -33,6 +33,7 @@ METHODS = {
     "fast": "**fast** (8-bit)",
     "fast-fp32": "fast-fp32",
     "wang2020": "wang2020",
+    "wang2020-192": "wang2020-192",
     "sgbm-filled": "StereoSGBM, filled",
     "sgbm": "StereoSGBM",
 }
@@ -67,6 +68,8 @@ def accuracy_table(record: str = "accuracy") -> str:
     heads += ["EPE, non-occluded", "over 1 px, non-occluded", "depth error"]
     rows = []
     for name, label in METHODS.items():
+        if name not in scores:
+            continue
         whole, seen = scores[name]["all"], scores[name]["non_occluded"]
         shares = [f"{100 * whole[key]:.1f} %" for key in ("kpe_1", "kpe_3", "coverage")]
         rest = [f"{seen['epe_px']:.3f}", f"{100 * seen['kpe_1']:.1f} %", f"{100 * whole['depth_relative']:.1f} %"]
@@ -114,6 +117,7 @@ def range_end_table() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
     "accuracy-cycles": partial(accuracy_table, "accuracy_cycles"),
+    "accuracy-near": partial(accuracy_table, "accuracy_near"),
     "speed": speed_table,
     "agreement": agreement_table,
     "range-end": range_end_table,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.baseline import SgbmBaseline, fill_holes
+from endosdk.baseline import SgbmBaseline, SgbmSettings, fill_holes
 from endosdk.calibration import StereoCalibration
 from endosdk.dataset import DatasetReader, Sample
 from endosdk.errors import InvalidArgument, StorageFailed
@@ -113,9 +113,9 @@ def estimator_method(
     return answer
 
 
-def sgbm_method(*, filled: bool) -> Method:
+def sgbm_method(*, filled: bool, settings: SgbmSettings | None = None) -> Method:
     """Return the method that is StereoSGBM; ``filled`` makes it answer everywhere, as the networks do."""
-    matcher = SgbmBaseline()
+    matcher = SgbmBaseline(settings)
 
     def answer(sample: Sample) -> Answer:
         started = time.perf_counter()
