@@ -31,7 +31,7 @@ def draw_all(args: argparse.Namespace) -> list[Path]:
     groups = json.loads(ablations.read_text())["groups"] if ablations.exists() else {}
     for group in CURVES:
         known = {label: row for label, row in groups.get(group, {}).items() if row}
-        if known:
+        if len(known) > 1:  # one run alone compares nothing
             title = GROUPS[group].title
             written.append(draw_curves(known, title, args.docs / f"{group}_loss.png"))
             written.append(draw_bars(known, title, args.docs / f"{group}_epe.png"))
@@ -72,14 +72,15 @@ def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
     """Draw the test error of each run of a group; runs that stopped early are hatched."""
     figure = Figure(figsize=(6, 3.2))
     axes = figure.add_subplot()
+    labels = []
     for place, (label, values) in enumerate(rows.items()):
         bar = axes.bar(place, values["epe"], color="#a0522d", hatch=None if values["complete"] else "//")
         axes.bar_label(bar, fmt="%.3f")
-        text = (
-            label if values["complete"] else f"{label}\n{values['samples_seen']} of {values['samples_planned']} crops"
-        )
-        axes.text(place, 0, text, ha="center", va="bottom", rotation=90, color="white", fontsize=8)
-    axes.set(ylabel="mean error on the test split, px", title=title, xticks=[])
+        early = "" if values["complete"] else f"\n{values['samples_seen']} of {values['samples_planned']} crops"
+        labels.append(label.replace(", ", "\n") + early)
+    axes.set_xticks(range(len(labels)), labels, fontsize=8)
+    axes.margins(y=0.12)
+    axes.set(ylabel="mean error on the test split, px", title=title)
     return _save(figure, file)
 
 
