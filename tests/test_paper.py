@@ -74,6 +74,21 @@ def test_table_has_the_promised_form_and_names_what_is_missing(done):
     assert (early["samples_seen"], early["samples_planned"], early["complete"]) == (2, 4, False)
 
 
+def test_rows_of_fewer_pairs_do_not_join_a_table(done, tiny_set):
+    given = [f"--data={tiny_set}", f"--runs={done / 'runs'}", f"--results={done / 'results'}"]
+    files = {name: (done / "results" / name).read_text() for name in ("table1.json", "ablations.json")}
+    for name, file in (("bm", "table1.json"), ("base", "ablations.json")):
+        with pytest.raises(InvalidArgument, match=f"must be 2, as in {file}; got 1"):
+            main(["evaluate", *given, "--budget=gpu", "--only", name, "--pairs=1"])
+    assert files == {name: (done / "results" / name).read_text() for name in files}
+
+
+def test_ablations_stand_in_their_own_table(done):
+    record = json.loads((done / "results/ablations.json").read_text())
+    assert record["pairs"] == 2 and set(record["groups"]) == set(GROUPS) - {"table1"}
+    assert record["groups"]["loss"]["L2"]["pairs"] == 2 and record["groups"]["loss"]["lambda 0"] is None
+
+
 def test_search_keeps_what_it_tried_best_first(done):
     record = json.loads((done / "results/sgbm_search.json").read_text())
     errors = [entry["epe"] for entry in record["tried"]]

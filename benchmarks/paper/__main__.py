@@ -132,12 +132,20 @@ def _evaluate(args: argparse.Namespace) -> None:
     from endosdk.dataset_layouts import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
+    budget, wanted = _budget(args), set(args.only or LABELS)
     scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
+    first = scores.on_first(BUDGETS[budget].ablation_pairs)
     size = reader[0].left.shape[1::-1]
-    states = {run.name: state_of(run, args.runs, _budget(args), _overrides(args)) for run in _chosen(args)}
-    trained = {name: tables.trained_row(scores, state, size) for name, state in states.items() if state is not None}
-    rows = {name: found for name, found in trained.items() if name in LABELS}
-    wanted = set(args.only or LABELS)
+    table, ablations = args.results / f"{args.table}.json", args.results / "ablations.json"
+    states = [state_of(run, args.runs, budget, _overrides(args)) for run in _chosen(args)]
+    done = {state.name: state for state in states if state is not None}
+    # The ablations are scored on the set of table1 alone.
+    ablated = {name for name in done if name not in LABELS} if args.table == "table1" else set()
+    if wanted & LABELS.keys():
+        tables.check_same_pairs(table, scores)
+    if ablated:
+        tables.check_same_pairs(ablations, first)
+    rows = {name: tables.trained_row(scores, done[name], size) for name in done.keys() & LABELS.keys()}
     if wanted & {"sgbm", "sgbm-hh", "bm"}:
         rows.update(tables.classical_rows(scores, _best_sgbm(args.results)))
     if wanted & {"shipped-wang2020", "shipped-fast"}:
@@ -145,9 +153,10 @@ def _evaluate(args: argparse.Namespace) -> None:
     if args.only and "patchmatch" in args.only:  # hours: only when it is named
         rows.update(tables.patchmatch_rows(scores, args.runs))
     if rows:
-        tables.write_table(args.results / f"{args.table}.json", scores, rows)
-    if args.table == "table1":
-        tables.write_ablations(args.results / "ablations.json", scores, trained)
+        tables.write_table(table, scores, rows)
+    if ablated:
+        found = {name: tables.trained_row(first, done[name], size) for name in ablated}
+        tables.write_ablations(ablations, first, found)
 
 
 def _best_sgbm(results: Path) -> dict[str, Any] | None:

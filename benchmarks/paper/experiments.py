@@ -36,6 +36,7 @@ class Budget:
 
     changes: dict[str, Any] = field(default_factory=dict)
     ablation: dict[str, Any] = field(default_factory=dict)
+    ablation_pairs: int | None = None  # of the test split, the first; None for all
     most_steps: dict[str, int] = field(default_factory=dict)  # of networks that are too dear for the whole budget
 
 
@@ -47,6 +48,7 @@ BUDGETS = {
     "cpu": Budget(
         changes={"steps": 2000, "refine_crop": (128, 256)},
         ablation={"steps": 400, "crop": (192, 384), "refine_crop": (64, 128)},
+        ablation_pairs=25,
         most_steps={"psmnet": 900},
     ),
 }

@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from benchmarks.paper.runs import RunState, exported, training_curve
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
 from endosdk.dataset import DatasetReader, Sample
+from endosdk.errors import InvalidArgument
 from endosdk.estimator import DepthEstimator
 from endosdk.evaluation import Answer, Method, estimator_method, evaluate
 from endosdk.machine import machine_record
@@ -53,9 +55,20 @@ class Scores:
         self.file, self.reader, self.limit = file, reader, limit
         self.rows: dict[str, dict[str, Any]] = json.loads(file.read_text()) if file.exists() else {}
 
+    @property
+    def pairs(self) -> int:
+        """How many pairs a method is scored on."""
+        return min(self.limit or len(self.reader), len(self.reader))
+
+    def on_first(self, pairs: int | None) -> Scores:
+        """Return the same scores, on the first so many pairs where no other number was asked for."""
+        fewer = copy(self)
+        fewer.limit = self.limit or pairs
+        return fewer
+
     def get(self, name: str, mark: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return the row of a method whose state is ``mark``; ``make`` it unless it is there for the same data."""
-        place = f"{name} on {self.reader.sha256[:16]}, {self.limit or len(self.reader)} pairs"
+        place = f"{name} on {self.reader.sha256[:16]}, {self.pairs} pairs"
         kept = self.rows.get(place)
         if kept is None or kept["key"] != mark:
             print(f"scoring {name}", file=sys.stderr)
@@ -161,14 +174,14 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
 def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> None:
     """Write the rows of Table 1; methods that have not been run are listed by name, without numbers."""
     reader = scores.reader
-    before = _before(file, reader)
+    before = _before(file, scores)
     # Rows of the same pairs that were not asked for this time stay.
     rows = {**before.get("methods", {}), **rows}
     record = {
         "command": _command(scores),
         "dataset": reader.name,
         "sha256": reader.sha256,
-        "pairs": len(reader),
+        "pairs": scores.pairs,
         "threads": len(os.sched_getaffinity(0)),
         "methods": {name: {"params": None, "gmacs": None, **values} for name, values in rows.items()},
         "not_yet_run": [name for name in LABELS if name not in rows],
@@ -179,14 +192,16 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
 
 
 def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> None:
-    """Write the rows of every group of runs, by label; None where a run is missing."""
+    """Write the rows of every group of ablations, by label; None where a run is missing."""
     reader = scores.reader
-    before = _before(file, reader).get("groups", {})
+    before = _before(file, scores).get("groups", {})
     groups: dict[str, dict[str, Any]] = {}
     for run in EXPERIMENTS:
+        if run.group == "table1":
+            continue
         kept = before.get(run.group, {}).get(run.label)
         groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
-    record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": len(reader), "groups": groups}
+    record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": scores.pairs, "groups": groups}
     write_record(file, {"command": _command(scores), **record, "machine": machine_record()})
 
 
@@ -195,10 +210,17 @@ def _command(scores: Scores) -> str:
     return f"python -m benchmarks.paper evaluate --test-data {scores.reader.name}{some}"
 
 
-def _before(file: Path, reader: DatasetReader) -> dict[str, Any]:
-    """Return what the file says, if it is about the same pairs."""
+def _before(file: Path, scores: Scores) -> dict[str, Any]:
+    """Return what the file says, if it is about the same set."""
     record = dict(json.loads(file.read_text())) if file.exists() else {}
-    return record if record.get("sha256") == reader.sha256 else {}
+    return record if record.get("sha256") == scores.reader.sha256 else {}
+
+
+def check_same_pairs(file: Path, scores: Scores) -> None:
+    """Raise before anything is scored if the rows could not join those of the file: other pairs do not compare."""
+    pairs = _before(file, scores).get("pairs", scores.pairs)
+    if pairs != scores.pairs:
+        raise InvalidArgument("pairs", f"must be {pairs}, as in {file.name}", scores.pairs)
 
 
 def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] | None) -> None:
