@@ -7,7 +7,7 @@ import json
 import logging
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ PREFIX = "endosdk."
 class ModelFile:
     """The bytes of one model, with where they came from and their SHA-256."""
 
-    data: bytes
+    data: bytes = field(repr=False)
     origin: str
     sha256: str
 

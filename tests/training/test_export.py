@@ -100,7 +100,7 @@ def test_the_graph_is_the_one_that_runs_fast(model):
     name, _, path = model
     kinds = [node.op_type for node in onnx.load(path).graph.node]
     assert "BatchNormalization" not in kinds
-    assert kinds.count("Conv") == {"wang2020": 23, "fast": 18}[name]
+    assert kinds.count("Conv") == {"wang2020": 23, "fast": 16}[name]
     graph = onnx.load(path).graph
     ranks = {len(weight.dims) for weight in graph.initializer if weight.name.endswith("weight")}
     assert 5 not in ranks  # no 3-D convolution is left

@@ -1,5 +1,3 @@
-import copy
-
 import pytest
 import torch
 import torch.nn.functional as F
@@ -9,8 +7,15 @@ from endosdk.errors import InvalidArgument
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
 from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
-from endosdk.training.networks.cost_volume import Aggregation, PlaneAggregation, difference_volume, soft_argmin
+from endosdk.training.networks.cost_volume import (
+    Aggregation,
+    PlaneAggregation,
+    difference_volume,
+    soft_argmin,
+    soft_argmin_of_planes,
+)
 from endosdk.training.networks.fast import DifferenceVolume
+from endosdk.training.networks.fast_export import ByteRows, PairedVolume, over_byte_rows
 
 # By name, not all that is known: benchmarks add rivals to the list, which promise less.
 OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020")
@@ -171,17 +176,33 @@ def test_an_unknown_network_names_the_choices():
 
 def test_the_volume_of_fast_is_the_difference_at_every_shift():
     torch.manual_seed(4)
-    volume = DifferenceVolume(inputs=3, channels=2, planes=7)
+    volume = DifferenceVolume(inputs=3, channels=2, planes=8)
     left, right = torch.randn(2, 1, 3, 8, 16).unbind(0)
     found = volume(left, right)[0]
-    assert found.shape == (7, 2, 4, 8)
-    for shift in range(7):
+    assert found.shape == (8, 2, 4, 8)
+    for shift in range(8):
         # The plain way: move the right view by the shift and convolve at every second cell.
         moved = torch.nn.functional.pad(right, (shift, 0))[..., :16]
         expected = torch.relu(volume.match(left) - volume.match(moved))[0]
         # Where the kernel reaches cells that the shift has brought in from outside, the two fill up differently.
         inside = (shift + 1) // 2 + 1
         torch.testing.assert_close(found[shift][..., inside:], expected[..., inside:], atol=1e-5, rtol=0)
-    negated = copy.deepcopy(volume)
-    negated.negate_right()
-    torch.testing.assert_close(negated(left, right)[0], found, atol=1e-6, rtol=0)
+    paired = PairedVolume(volume.match, volume.planes)(left, right)
+    torch.testing.assert_close(paired[0].view(found.shape), found, atol=1e-6, rtol=0)
+
+
+def test_soft_argmin_is_the_same_in_both_orders():
+    cost = torch.randn(2, 3, 4, 6, generator=torch.Generator().manual_seed(3)) * 8 + 500  # far from what exp can take
+    order = torch.tensor([0, 2, 4, 1, 3, 5])
+    one, other = soft_argmin(cost), soft_argmin_of_planes(cost[..., order].flatten(1, 2).transpose(1, 2), order.float())
+    for a, b in zip(one, other, strict=True):
+        torch.testing.assert_close(a.flatten(1), b.flatten(1), atol=1e-4, rtol=1e-4)
+
+
+def test_a_stem_over_bytes_is_the_stem_over_pixels():
+    views = torch.randint(0, 256, (2, 3, 8, 12), dtype=torch.uint8, generator=torch.Generator().manual_seed(5))
+    rows, bright = ByteRows(4)(views)
+    assert rows.shape == (2, 12, 8, 3)
+    conv = nn.Conv2d(3, 5, 4, stride=4)
+    torch.testing.assert_close(over_byte_rows(conv)(rows), conv(views.float()), atol=1e-3, rtol=0)
+    torch.testing.assert_close(bright[0, 0, 1], views[0, :, 2:4].float().mean(dim=(0, 1)) / 64)

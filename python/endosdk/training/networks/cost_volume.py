@@ -94,7 +94,18 @@ def soft_argmin(cost: Tensor) -> SoftArgmin:
     """
     index = torch.arange(cost.shape[-1], dtype=cost.dtype, device=cost.device)
     moments = torch.softmax(-cost, dim=-1) @ torch.stack([index, index * index], dim=1)
-    mean, square = moments[..., 0].unsqueeze(1), moments[..., 1].unsqueeze(1)
+    return _of_moments(moments[..., 0].unsqueeze(1), moments[..., 1].unsqueeze(1))
+
+
+def soft_argmin_of_planes(cost: Tensor, plane: Tensor) -> SoftArgmin:
+    """Do the same for cost [N, D, M] of the planes ``plane`` [D], which runtimes do with less to move; [N, 1, M]."""
+    weights = torch.exp(cost.amin(dim=1, keepdim=True) - cost)
+    moments = torch.stack([torch.ones_like(plane), plane, plane * plane]) @ weights
+    total, first, second = torch.split(moments, 1, dim=1)
+    return _of_moments(first / total, second / total)
+
+
+def _of_moments(mean: Tensor, square: Tensor) -> SoftArgmin:
     fraction = mean.detach() - mean.detach().floor()
     excess = square.detach() - mean.detach() ** 2 - fraction * (1.0 - fraction)
     return SoftArgmin(mean, excess.clamp_min(0.0))

@@ -27,6 +27,7 @@ from endosdk.training.networks.blocks import (
 )
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import SoftArgmin, match_evidence, soft_argmin
+from endosdk.training.networks.fast_export import ByteRows, PairedLayers, PairedVolume, over_byte_rows
 from endosdk.training.networks.photometric import brightness, coarser, moments, step
 
 CELL = 4  # input pixels per disparity plane, and per cell of the matching grid
@@ -65,6 +66,7 @@ class Fast(StereoNetwork):
         super().__init__()
         shape = shape or Shape()
         self.max_disparity = check_max_disparity(max_disparity, CELL * HALVED)
+        self.pixels = Pixels()
         # Patches that do not overlap need no padding, so the scaling of colours folds into the first weights.
         self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
@@ -75,13 +77,11 @@ class Fast(StereoNetwork):
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8, give the answer at 1/4, and compare the pictures there."""
-        both = torch.cat([left, right])
-        # The exported form has the scaling of colours in its weights.
-        views = self.features(self.stem(both.to(torch.float32) if self.reads_bytes else scaled_colours(both)))
+        values, bright = self.pixels(torch.cat([left, right]))
+        views = self.features(self.stem(values))
         pairs = left.shape[0]
         found = self.aggregation(self.volume(views[:pairs], views[pairs:]))
         disparity = found.disparity * CELL
-        bright = brightness(both.to(torch.float32))
         compared = moments(bright[:pairs], bright[pairs:], disparity.detach(), STRIDE)
         fine, cells = step(compared, NARROW), coarser(compared, FINE)
         narrow, wide = step(cells, NARROW), step(cells, WIDE)
@@ -102,15 +102,27 @@ class Fast(StereoNetwork):
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
 
-        The scaling of colours moves into the first weights, so that the network reads the bytes of the picture; the
-        difference becomes an addition, which runtimes have for 8-bit integers.
+        The scaling of colours moves into the first weights, so that the network reads the bytes of the picture; what
+        follows takes the layouts of `fast_export`.
         """
         form = copy.deepcopy(self).eval()
         fold_batch_norm(form)
-        form.volume.negate_right()
-        fold_colour_scaling(form.stem.conv)
+        stem, volume, layers = form.stem, form.volume, form.aggregation
+        fold_colour_scaling(stem.conv)
+        form.pixels = ByteRows(CELL)  # type: ignore[assignment]
+        form.stem = nn.Sequential(over_byte_rows(stem.conv), stem.activation)  # type: ignore[assignment]
+        form.volume = PairedVolume(volume.match, volume.planes)  # type: ignore[assignment]
+        form.aggregation = PairedLayers([layer.conv for layer in layers.layers], layers.cost)  # type: ignore
         form.reads_bytes = True
         return form
+
+
+class Pixels(nn.Module):
+    """What the stem and the comparison see of the views."""
+
+    def forward(self, views: Tensor) -> tuple[Tensor, Tensor]:
+        """Map views [N, 3, H, W], 0..255, to scaled colours [N, 3, H, W] and brightness [N, 1, H/2, W]."""
+        return scaled_colours(views), brightness(views)
 
 
 class DifferenceVolume(nn.Module):
@@ -120,29 +132,19 @@ class DifferenceVolume(nn.Module):
         super().__init__()
         self.planes = planes
         self.match = nn.Conv2d(inputs, channels, 3, stride=HALVED, padding=1)
-        self.match_right: nn.Conv2d | None = None  # negated copy, in the exported form alone
-
-    def negate_right(self) -> None:
-        """Prepare for export: the right view gets a convolution of its own, whose output is added."""
-        self.match_right = copy.deepcopy(self.match)
-        with torch.no_grad():
-            for parameter in self.match_right.parameters():
-                parameter.neg_()
 
     def forward(self, left: Tensor, right: Tensor) -> Tensor:
         """Map two feature maps [N, C, h, w] to the volume [N, planes, channels, h/2, w/2]."""
-        negated = self.match_right is not None
-        match_right = self.match_right if self.match_right is not None else self.match
-        even = match_right(right)
+        even = self.match(right)
         # Centred one cell further left: two columns of padding before and none behind.
-        odd = F.conv2d(F.pad(right, (2, 0, 1, 1)), match_right.weight, match_right.bias, stride=HALVED)
+        odd = F.conv2d(F.pad(right, (2, 0, 1, 1)), self.match.weight, self.match.bias, stride=HALVED)
         own = self.match(left).unsqueeze(1)
         room = (self.planes - 1) // HALVED
         # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
         padded = [torch.cat([view[..., :1]] * room + [view], dim=-1) for view in (even, odd)]
         shifts = [(padded[plane % HALVED], plane // HALVED) for plane in range(self.planes)]
         shifted = torch.stack([view[..., room - k : (-k or None)] for view, k in shifts], dim=1)
-        return torch.relu(own + shifted if negated else own - shifted)
+        return torch.relu(own - shifted)
 
 
 class PlaneLayers(nn.Module):

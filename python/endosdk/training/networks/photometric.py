@@ -46,10 +46,9 @@ class Step(NamedTuple):
 
 def brightness(views: Tensor) -> Tensor:
     """Map views [N, 3, H, W], 0..255, to brightness on pairs of rows [N, 1, H/2, W]."""
-    # As a product of matrices: as a convolution with one channel of output it would take runtimes four times as long.
-    weights = torch.full((1, 3), 1.0 / (3 * UNIT), dtype=views.dtype, device=views.device)
-    single = torch.unflatten(weights @ views.flatten(2), 2, (-1, ROWS, views.shape[-1]))
-    return single.mean(dim=3)
+    # One axis after the other: runtimes take a third of the time of a convolution or a mean over both.
+    rows = torch.unflatten(views.sum(dim=1, keepdim=True), 2, (-1, ROWS))
+    return rows.sum(dim=3) * (1.0 / (3 * ROWS * UNIT))
 
 
 def moments(left: Tensor, right: Tensor, disparity: Tensor, cell: int) -> Moments:

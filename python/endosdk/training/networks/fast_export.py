@@ -1,0 +1,122 @@
+"""The first half of `Fast` in the form in which it is deployed: the same function in layouts that suit runtimes.
+
+Runtimes compute 8-bit convolutions with the channels last, which they gather in runs of a few bytes where channels are
+few, and those with 32 channels of output in less time for a multiplication than those with 16. So the stem reads four
+pixels as one of twelve channels, and the volume keeps two neighbouring planes together; the weights that these do not
+share are zeros: a third more multiplications, in less time.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from endosdk.training.networks.cost_volume import SoftArgmin, soft_argmin_of_planes
+from endosdk.training.networks.photometric import brightness
+
+PAIR = 2  # planes that are computed together
+
+
+class ByteRows(nn.Module):
+    """Bytes of the views for the stem, a row of ``cell`` pixels as one, and the brightness of the views."""
+
+    def __init__(self, cell: int) -> None:
+        super().__init__()
+        self.cell = cell
+
+    def forward(self, views: Tensor) -> tuple[Tensor, Tensor]:
+        """Map uint8 [N, 3, H, W] to float rows [N, 3 cell, H, W/cell], 0..255, and brightness [N, 1, H/2, W]."""
+        count, colours, height, width = views.shape
+        rows = views.permute(0, 2, 3, 1).reshape(count, height, width // self.cell, colours * self.cell)
+        return rows.permute(0, 3, 1, 2).to(torch.float32), brightness(views.to(torch.float32))
+
+
+def over_byte_rows(conv: nn.Module) -> nn.Conv2d:
+    """Make the convolution over `ByteRows` that equals a 2-D one whose stride is its kernel."""
+    assert isinstance(conv, nn.Conv2d) and conv.bias is not None
+    high, wide = conv.kernel_size
+    flat = nn.Conv2d(conv.in_channels * wide, conv.out_channels, (high, 1), stride=(high, 1))
+    with torch.no_grad():
+        flat.weight.copy_(conv.weight.permute(0, 3, 1, 2).flatten(1, 2).unsqueeze(3))
+        flat.bias.copy_(conv.bias)  # type: ignore[union-attr]
+    return flat
+
+
+class PairedVolume(nn.Module):
+    """Differences of matching features, two planes together: from left and right maps [N, C, h, w].
+
+    ``match`` is the convolution of stride 2 whose results are compared: shifts of even planes are whole cells of it,
+    those of odd planes are its results one input column further left.
+    """
+
+    def __init__(self, match: nn.Conv2d, planes: int) -> None:
+        super().__init__()
+        self.pairs = planes // PAIR
+        outputs, inputs = match.weight.shape[:2]
+        assert match.bias is not None
+        self.left = nn.Conv2d(inputs, PAIR * outputs, 3, stride=2, padding=1)
+        self.right = nn.Conv2d(inputs, PAIR * outputs, (3, 4), stride=2)
+        with torch.no_grad():
+            self.left.weight.copy_(match.weight.repeat(PAIR, 1, 1, 1))
+            self.left.bias.copy_(match.bias.repeat(PAIR))  # type: ignore[union-attr]
+            # Negative, because runtimes have an addition for 8-bit integers and no difference.
+            even, odd = F.pad(match.weight, (1, 0)), F.pad(match.weight, (0, 1))
+            self.right.weight.copy_(-torch.cat([even, odd]))
+            self.right.bias.copy_(-match.bias.repeat(PAIR))  # type: ignore[union-attr]
+
+    def forward(self, left: Tensor, right: Tensor) -> Tensor:
+        """Give the volume [N, planes/2, 2 channels, h/2, w/2]."""
+        own = self.left(left).unsqueeze(1)
+        other = self.right(F.pad(right, (2, 1, 1, 1)))
+        room = self.pairs - 1
+        # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
+        padded = torch.cat([other[..., :1]] * room + [other], dim=-1)
+        shifted = [padded[..., room - shift : (-shift or None)] for shift in range(self.pairs)]
+        return torch.relu(own + torch.stack(shifted, dim=1))
+
+
+class PairedLayers(nn.Module):
+    """3x3x3 convolutions over a volume of paired planes, each as a 2-D one over a pair and its two neighbours."""
+
+    def __init__(self, layers: list[nn.Conv2d], cost: nn.Conv2d) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList(_over_pairs(conv) for conv in layers)
+        self.per_cell = cost.out_channels
+        # Costs matter by their differences from plane to plane, in which the bias cancels.
+        weight = cost.weight.detach()[:, :, 0, 0].t()
+        for place in range(PAIR):
+            rows = (place * weight.shape[0], (PAIR - 1 - place) * weight.shape[0])
+            self.register_buffer(f"cost_{place}", F.pad(weight, (0, 0, *rows)).contiguous())
+
+    def forward(self, volume: Tensor) -> SoftArgmin:
+        """Map the volume [N, D/2, 2 C, h, w] to its answer, in planes, on a grid of twice the size."""
+        count, pairs, both, height, width = volume.shape
+        # The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
+        around = (PAIR * torch.arange(pairs).view(-1, 1) + torch.arange(-1, PAIR + 1)).clamp(0, PAIR * pairs - 1)
+        around = around.flatten().to(volume.device)
+        for layer in self.layers:
+            planes = volume.reshape(count, pairs * PAIR, -1, height, width).index_select(1, around)
+            result = torch.relu(layer(planes.reshape(count * pairs, -1, height, width)))
+            volume = torch.unflatten(result, 0, (count, pairs))
+        cells = result.permute(0, 2, 3, 1).reshape(count, pairs, height * width, both)
+        # First the even planes, then the odd ones: so nothing has to be moved.
+        cost = torch.cat([cells @ self.get_buffer(f"cost_{place}") for place in range(PAIR)], dim=1)
+        plane = torch.cat([torch.arange(place, pairs * PAIR, PAIR) for place in range(PAIR)])
+        found = soft_argmin_of_planes(cost.flatten(2), plane.to(cost))
+        maps = (value.view(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
+        return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps))
+
+
+def _over_pairs(conv: nn.Conv2d) -> nn.Conv2d:
+    """From the convolution over [previous, this, next] plane make the one over [previous, both of a pair, next]."""
+    assert conv.bias is not None
+    outputs, inputs = conv.out_channels, conv.in_channels // 3
+    paired = nn.Conv2d((PAIR + 2) * inputs, PAIR * outputs, 3, padding=1)
+    with torch.no_grad():
+        paired.weight.zero_()
+        for place in range(PAIR):
+            own = slice(place * outputs, (place + 1) * outputs)
+            paired.weight[own, place * inputs : (place + 3) * inputs] = conv.weight
+        paired.bias.copy_(conv.bias.repeat(PAIR))  # type: ignore[union-attr]
+    return paired
