@@ -128,7 +128,7 @@ def _groups(table: dict[str, Any], ablations: dict[str, Any], docs: Path) -> lis
     for key, group in GROUPS.items():
         rows = table.get("methods", {}) if key == "table1" else groups.get(key, {})
         lines += [f"## {group.title} ({group.figures})", "", f"The paper: {group.claim}.", ""]
-        lines += [f"Ours: {verdict(key, rows)}", ""]
+        lines += [f"Ours: {verdict(key, rows)} {group.remark}".rstrip(), ""]
         if key != "table1":
             lines += ["| run | EPE, px | over 1 px | test pairs | crops seen |", "|---|---|---|---|---|"]
             lines += [_ablation_line(run.label, rows.get(run.label)) for run in EXPERIMENTS if run.group == key]
