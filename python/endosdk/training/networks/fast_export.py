@@ -96,15 +96,17 @@ class PairedLayers(nn.Module):
         around = (PAIR * torch.arange(pairs).view(-1, 1) + torch.arange(-1, PAIR + 1)).clamp(0, PAIR * pairs - 1)
         around = around.flatten().to(volume.device)
         for layer in self.layers:
-            planes = volume.reshape(count, pairs * PAIR, -1, height, width).index_select(1, around)
-            result = torch.relu(layer(planes.reshape(count * pairs, -1, height, width)))
+            planes = torch.unflatten(volume, 2, (PAIR, both // PAIR)).flatten(1, 2).index_select(1, around)
+            near = torch.unflatten(planes, 1, (pairs, PAIR + 2)).flatten(2, 3)
+            result = torch.relu(layer(near.flatten(0, 1)))
             volume = torch.unflatten(result, 0, (count, pairs))
-        cells = result.permute(0, 2, 3, 1).reshape(count, pairs, height * width, both)
+        cells = torch.unflatten(result.permute(0, 2, 3, 1).flatten(1, 2), 0, (count, pairs))
         # First the even planes, then the odd ones: so nothing has to be moved.
         cost = torch.cat([cells @ self.get_buffer(f"cost_{place}") for place in range(PAIR)], dim=1)
         plane = torch.cat([torch.arange(place, pairs * PAIR, PAIR) for place in range(PAIR)])
         found = soft_argmin_of_planes(cost.flatten(2), plane.to(cost))
-        maps = (value.view(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
+        grid = (height, width, self.per_cell)
+        maps = (torch.unflatten(value.squeeze(1), 1, grid).permute(0, 3, 1, 2) for value in found)
         return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps))
 
 
