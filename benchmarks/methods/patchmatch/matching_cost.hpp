@@ -41,6 +41,7 @@ struct View {
 // disparity(x, y) = a x + b y + c
 struct Plane {
   float a, b, c;
+  bool operator==(const Plane&) const = default;
   [[nodiscard]] float at(int x, int y) const {
     return a * static_cast<float>(x) + b * static_cast<float>(y) + c;
   }

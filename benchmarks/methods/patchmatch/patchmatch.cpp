@@ -178,6 +178,7 @@ class Solver {
   }
 
   void consider(Side& side, const Window& window, int x, int y, const Plane& plane) const {
+    if (plane == side.planes[index(y, x)]) return;  // neighbours often share one already
     const float disparity = plane.at(x, y);
     if (disparity < 0.0F || disparity > static_cast<float>(settings_.max_disparity)) return;
     float& best = side.costs[index(y, x)];

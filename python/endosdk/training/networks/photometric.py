@@ -59,9 +59,9 @@ def moments(left: Tensor, right: Tensor, disparity: Tensor, cell: int) -> Moment
     width = left.shape[-1]
     shift = F.interpolate(disparity, size=left.shape[-2:], mode="bilinear", align_corners=False)
     column = torch.arange(width, dtype=left.dtype, device=left.device)
-    position = (column - shift).clamp(0.0, float(width - 1))
+    position = (column - shift).clamp(0, width - 1)
     # The last column has no right neighbour: it is seen from the one before.
-    base = position.floor().clamp_max(float(width - 2))
+    base = position.floor().clamp_max(width - 2)
     index = base.to(torch.int64)
     near, far = right.gather(3, index), right.gather(3, index + 1)
     moved = near + (position - base) * (far - near)
