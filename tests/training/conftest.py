@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from endosdk.dataset import SPLITS, Sample, hash_sample, write_record, write_sample
+from tests.training.exported_networks import export_into
 from tests.training.warped_scenes import warped_pair
 
 SIZE = (128, 256)
@@ -28,3 +29,9 @@ def dataset_root(tmp_path_factory):
     write_record(root, {"format_version": 1, "name": "warped", "samples": hashes})
     assert hash_sample(root / "train" / "0000") == hashes["train"]["0000"]
     return root
+
+
+@pytest.fixture(scope="session")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    return {name: export_into(folder, name) for name in ("fast", "wang2020")}

@@ -7,38 +7,21 @@ import pytest
 import torch
 
 from endosdk.errors import InferenceFailed, StorageFailed
-from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.export import export_model
 from endosdk.training.networks import build_network
 from endosdk.training.parity import check_parity, parity_pairs
 from tests.tiny_model import FILE, INFO, BlockMatching
-from tests.training.test_networks import shaken
+from tests.training.exported_networks import shaken
 from tests.training.warped_scenes import constant_pair, warped_pair
 
-INFO_FOR = {name: ModelInfo(name, "3", training={"recipe": "none"}) for name in ("wang2020", "fast")}
 
-
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    """Both networks, with weights that leave no layer idle, and their files."""
-    folder = tmp_path_factory.mktemp("models")
-    result = {}
-    for name, info in INFO_FOR.items():
-        torch.manual_seed(1)
-        network = shaken(build_network(name, max_disparity=40))
-        weights = network.confidence.weights
-        weights.copy_(torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2])[: len(weights)])
-        export_model(network, folder / f"{name}.onnx", info)
-        result[name] = network, folder / f"{name}.onnx"
-    return result
-
-
-@pytest.fixture(params=sorted(INFO_FOR))
+@pytest.fixture(params=["fast", "wang2020"])
 def model(request, exported):
-    return (request.param, *exported[request.param])
+    return exported[request.param]
 
 
 def test_inputs_and_outputs_are_those_of_the_contract(model):
-    _, network, path = model
+    network, path, _ = model
     session = ort.InferenceSession(path)
     sizes = ["height", "width"]
     for value, name in zip(session.get_inputs(), ("left", "right"), strict=True):
@@ -52,11 +35,11 @@ def test_inputs_and_outputs_are_those_of_the_contract(model):
 
 
 def test_the_file_describes_itself(model):
-    name, network, path = model
+    network, path, info = model
     metadata = ort.InferenceSession(path).get_modelmeta().custom_metadata_map
     expected = {
         "format_version": "1",
-        "name": name,
+        "name": info.name,
         "version": "3",
         "input_multiple": "8",
         "output_stride": str(network.output_stride),
@@ -64,7 +47,7 @@ def test_the_file_describes_itself(model):
         "channel_order": "rgb",
         "license": "Apache-2.0",
         "training": '{"recipe":"none"}',
-        "last_plane": {"wang2020": "32", "fast": "36"}[name],
+        "last_plane": {"wang2020": "32", "fast": "36"}[info.name],
         **({} if network.usual_width is None else {"usual_width": str(network.usual_width)}),
     }
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected
@@ -73,7 +56,7 @@ def test_the_file_describes_itself(model):
 
 
 def test_torch_and_file_agree_at_three_sizes(model):
-    _, network, path = model
+    network, path, _ = model
     pairs = parity_pairs(*warped_pair(5, (224, 320))[:2])
     assert any(side % 8 for left, _ in pairs for side in left.shape[:2])
     report = check_parity(network, path, pairs)
@@ -84,7 +67,7 @@ def test_torch_and_file_agree_at_three_sizes(model):
 
 
 def test_a_batch_is_answered_pair_by_pair(model):
-    _, _, path = model
+    path = model.path
     session = ort.InferenceSession(path)
     lefts, rights = zip(*(warped_pair(seed, (64, 96))[:2] for seed in (1, 2)), strict=True)
     left, right = (np.stack(views).transpose(0, 3, 1, 2) for views in (lefts, rights))
@@ -97,7 +80,7 @@ def test_a_batch_is_answered_pair_by_pair(model):
 
 
 def test_the_graph_is_the_one_that_runs_fast(model):
-    name, _, path = model
+    name, path = model.network.name, model.path
     kinds = [node.op_type for node in onnx.load(path).graph.node]
     assert "BatchNormalization" not in kinds
     assert kinds.count("Conv") == {"wang2020": 23, "fast": 16}[name]
@@ -107,7 +90,7 @@ def test_the_graph_is_the_one_that_runs_fast(model):
 
 
 def test_no_source_path_or_class_name_is_inside(model):
-    _, _, path = model
+    path = model.path
     data = path.read_bytes()
     for trace in (
         b".py",
@@ -123,13 +106,13 @@ def test_no_source_path_or_class_name_is_inside(model):
 
 
 def test_the_same_network_gives_the_same_bytes(exported, tmp_path):
-    network, path = exported["fast"]
-    export_model(network, tmp_path / "again.onnx", INFO_FOR["fast"])
+    network, path, info = exported["fast"]
+    export_model(network, tmp_path / "again.onnx", info)
     assert (tmp_path / "again.onnx").read_bytes() == path.read_bytes()
 
 
 def test_a_file_of_other_weights_fails_the_comparison(exported):
-    _, path = exported["fast"]
+    path = exported["fast"].path
     torch.manual_seed(2)
     other = shaken(build_network("fast", max_disparity=40))
     with pytest.raises(InferenceFailed, match="agree"):

@@ -16,6 +16,7 @@ from endosdk.training.networks.cost_volume import (
 )
 from endosdk.training.networks.fast import DifferenceVolume
 from endosdk.training.networks.fast_export import ByteRows, PairedVolume, over_byte_rows
+from tests.training.exported_networks import shaken
 
 # By name, not all that is known: benchmarks add rivals to the list, which promise less.
 OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020")
@@ -24,21 +25,6 @@ OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020")
 def views(height=64, width=128, pairs=2, seed=0):
     generator = torch.Generator().manual_seed(seed)
     return [torch.rand((pairs, 3, height, width), generator=generator) * 255 for _ in range(2)]
-
-
-def shaken(network):
-    """Give every weight and statistic a value, as training would, the refinement's zeros too."""
-    generator = torch.Generator().manual_seed(3)
-    with torch.no_grad():
-        for module in network.modules():
-            if isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d):
-                module.running_mean.normal_(0.0, 0.2, generator=generator)
-                module.running_var.uniform_(0.5, 1.5, generator=generator)
-                module.weight.uniform_(0.7, 1.3, generator=generator)
-                module.bias.normal_(0.0, 0.2, generator=generator)
-        last = network.refinement[-1] if isinstance(network.refinement, nn.Sequential) else network.refinement.last
-        last.weight.normal_(0.0, 0.05, generator=generator)
-    return network.eval()
 
 
 def convolutions(network):

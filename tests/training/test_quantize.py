@@ -1,18 +1,16 @@
 import hashlib
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import onnx
 import onnxruntime as ort
 import pytest
-import torch
 
 from endosdk.errors import InvalidArgument
 from endosdk.models import parse_metadata
-from endosdk.training.export import ModelInfo, export_model
-from endosdk.training.networks import build_network
 from endosdk.training.quantize import describe_quantised, quantize_model
 from tests.training.test_frame_size import OneFrame
-from tests.training.test_networks import shaken
 from tests.training.warped_scenes import warped_pair
 
 
@@ -31,14 +29,16 @@ class Scenes(OneFrame):
         return self.sample.__class__("0", left, right, self.sample.disparity, None, None, 400.0, 10.0)
 
 
+class Files(NamedTuple):
+    full: Path
+    quantised: Path
+
+
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("quantised")
-    torch.manual_seed(1)
-    network = shaken(build_network("fast", max_disparity=32))
-    export_model(network, folder / "float.onnx", ModelInfo("fast-fp32", "1", training={"recipe": "none"}))
-    quantize_model(folder / "float.onnx", folder / "int8.onnx", Scenes(), range(3))
-    return folder
+def files(exported, tmp_path_factory):
+    files = Files(exported["fast"].path, tmp_path_factory.mktemp("quantised") / "int8.onnx")
+    quantize_model(files.full, files.quantised, Scenes(), range(3))
+    return files
 
 
 def kinds(path):
@@ -54,7 +54,7 @@ def run(path):
 
 
 def test_the_answers_stay_close(files):
-    exact, quantised = run(files / "float.onnx"), run(files / "int8.onnx")
+    exact, quantised = run(files.full), run(files.quantised)
     difference = np.abs(exact[0] - quantised[0])
     # Of random weights, which no training has made robust: steps of 8 bits, not another answer.
     assert 0 < difference.mean() < 0.02 * exact[0].mean()
@@ -62,7 +62,7 @@ def test_the_answers_stay_close(files):
 
 
 def test_wide_layers_are_integers_and_the_answer_is_float(files):
-    graph = onnx.load(files / "int8.onnx").graph
+    graph = onnx.load(files.quantised).graph
     makers = {name: node for node in graph.node for name in node.output}
     weights = {weight.name: weight for weight in graph.initializer}
     for conv in [node for node in graph.node if node.op_type == "Conv"]:
@@ -76,24 +76,24 @@ def test_wide_layers_are_integers_and_the_answer_is_float(files):
 
 
 def test_the_picture_is_read_as_bytes(files):
-    graph = onnx.load(files / "int8.onnx").graph
+    graph = onnx.load(files.quantised).graph
     casts = [node for node in graph.node if node.op_type == "Cast" and node.input[0] in ("left", "right")]
     assert not casts
-    assert "Cast" in kinds(files / "float.onnx")
+    assert "Cast" in kinds(files.full)
 
 
 def test_the_file_still_describes_itself(files, tmp_path):
     copy = tmp_path / "quick.onnx"
-    copy.write_bytes((files / "int8.onnx").read_bytes())
+    copy.write_bytes(files.quantised.read_bytes())
     describe_quantised(copy, "quick", {"name": "some set", "all": {"epe_px": 0.5}})
     properties = {entry.key: entry.value for entry in onnx.load(copy).metadata_props}
     info = parse_metadata(properties, hashlib.sha256(copy.read_bytes()).hexdigest())
-    assert (info.name, info.output_stride, info.max_disparity, info.usual_width) == ("quick", 2, 32, 480)
-    assert info.last_plane == 28
+    assert (info.name, info.output_stride, info.max_disparity, info.usual_width) == ("quick", 2, 40, 480)
+    assert info.last_plane == 36
     assert info.training["quantisation"]["pairs"] == 3
     assert info.training["test"]["all"]["epe_px"] == 0.5
 
 
 def test_ranges_need_pairs(files, tmp_path):
     with pytest.raises(InvalidArgument, match="at least one pair"):
-        quantize_model(files / "float.onnx", tmp_path / "out.onnx", Scenes(), [])
+        quantize_model(files.full, tmp_path / "out.onnx", Scenes(), [])
