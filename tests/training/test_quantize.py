@@ -70,6 +70,10 @@ def test_wide_layers_are_integers_and_the_answer_is_float(files):
         quantised = weight is not None and weight.op_type == "DequantizeLinear"
         channels = weights[weight.input[0] if quantised else conv.input[1]].dims[0]
         assert quantised == (channels >= 16)
+    # The costs are made from 8-bit numbers, but are none themselves.
+    dequantised = {node.output[0] for node in graph.node if node.op_type == "DequantizeLinear"}
+    (cost,) = [node for node in graph.node if node.op_type == "MatMul" and dequantised.issuperset(node.input)]
+    assert not [node for node in graph.node if node.op_type == "QuantizeLinear" and node.input[0] == cost.output[0]]
     # Nothing after the last float layer passes through 8 bits.
     assert makers[graph.output[0].name].op_type == "Relu"
     assert makers[makers[graph.output[0].name].input[0]].op_type == "Add"

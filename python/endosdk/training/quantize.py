@@ -1,8 +1,9 @@
 """From an exported float model to one that computes its wide layers in 8-bit integers.
 
 Static quantisation in the QDQ form of ONNX: weights signed per channel, activations unsigned per tensor with ranges
-measured on rendered frames. Thin convolutions (the cost, the correction), the softmax, the soft-argmin, every
-enlargement and the confidence stay in float: there 8 bits would cost accuracy and save no time.
+measured on rendered frames. The costs are products of 8-bit numbers, and floats from there on: the softmax, the
+soft-argmin, every enlargement, thin convolutions (the correction) and the confidence would lose accuracy by 8 bits and
+save no time.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from endosdk.training.frame_size import reduced_view, reduction
 from endosdk.training.model_file import write_model
 
 WIDE = 16  # channels from which a convolution fills the integer units
-# Operators that only move values, between a convolution and the addition of its result.
-MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze")
+# Operators that only move values, between a convolution and the addition or the product that reads its result.
+MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose")
 PREFIX = "endosdk."
 
 Names = dict[str, onnx.NodeProto]
@@ -55,8 +56,8 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
             weight_type=QuantType.QInt8,
             calibrate_method=CalibrationMethod.MinMax,
             nodes_to_quantize=wide,
-            op_types_to_quantize=["Conv", "Relu", "Add", "Concat", "Slice"],
-            extra_options={"CalibMovingAverage": True},
+            op_types_to_quantize=["Conv", "MatMul", "Relu", "Add", "Concat", "Slice"],
+            extra_options={"CalibMovingAverage": True, "OpTypesToExcludeOutputQuantization": ["MatMul"]},
         )
         quantised = onnx.load(draft)
     read_bytes_directly(quantised.graph)
@@ -108,12 +109,12 @@ def read_bytes_directly(graph: onnx.GraphProto) -> None:
 
 
 def _wide_nodes(graph: onnx.GraphProto) -> list[str]:
-    """Name the nodes to quantise: wide convolutions, and what moves, adds or rectifies their results."""
+    """Name the nodes to quantise: wide convolutions, and what moves, adds, rectifies or weighs their results."""
     makers = {name: node for node in graph.node for name in node.output}
     weights = {weight.name: weight.dims for weight in graph.initializer}
     chosen = {node.name for node in graph.node if node.op_type == "Conv" and weights[node.input[1]][0] >= WIDE}
     for node in graph.node:  # in the order of computation
-        if node.op_type in (*MOVES, "Add") and any(_comes_from(name, makers, chosen) for name in node.input):
+        if node.op_type in (*MOVES, "Add", "MatMul") and any(_comes_from(name, makers, chosen) for name in node.input):
             chosen.add(node.name)
     return [node.name for node in graph.node if node.name in chosen]
 

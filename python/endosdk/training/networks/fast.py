@@ -28,7 +28,7 @@ from endosdk.training.networks.blocks import (
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import SoftArgmin, match_evidence, soft_argmin
 from endosdk.training.networks.fast_export import ByteRows, PairedLayers, PairedVolume, over_byte_rows
-from endosdk.training.networks.photometric import brightness, coarser, moments, step
+from endosdk.training.networks.photometric import brightness, moments, step
 
 CELL = 4  # input pixels per disparity plane, and per cell of the matching grid
 HALVED = 2  # cells of the matching grid per cell of the volume
@@ -83,10 +83,10 @@ class Fast(StereoNetwork):
         found = self.aggregation(self.volume(views[:pairs], views[pairs:]))
         disparity = found.disparity * CELL
         compared = moments(bright[:pairs], bright[pairs:], disparity.detach(), STRIDE)
-        fine, cells = step(compared, NARROW), coarser(compared, FINE)
-        narrow, wide = step(cells, NARROW), step(cells, WIDE)
-        hints = [unshuffled(torch.cat(fine, dim=1), FINE), narrow.step, narrow.texture, wide.step, disparity / CELL]
-        evidence = torch.cat([match_evidence(found, CELL), narrow.texture, narrow.mismatch], dim=1)
+        cells = F.avg_pool2d(compared, FINE)
+        fine, narrow, wide = step(compared, NARROW), step(cells, NARROW), step(cells, WIDE)
+        hints = [unshuffled(torch.cat(fine, dim=1), FINE), narrow.step, narrow.texture, wide.step, found.disparity]
+        evidence = torch.cat([match_evidence(found, CELL), narrow.spread], dim=1)
         return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1))
 
     def refine(self, coarse: Coarse) -> Prediction:

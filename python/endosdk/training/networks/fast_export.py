@@ -73,7 +73,7 @@ class PairedVolume(nn.Module):
         # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
         padded = torch.cat([other[..., :1]] * room + [other], dim=-1)
         shifted = [padded[..., room - shift : (-shift or None)] for shift in range(self.pairs)]
-        return torch.relu(own + torch.stack(shifted, dim=1))
+        return torch.relu(own + torch.unflatten(torch.cat(shifted, dim=1), 1, (self.pairs, -1)))
 
 
 class PairedLayers(nn.Module):
@@ -85,28 +85,28 @@ class PairedLayers(nn.Module):
         self.per_cell = cost.out_channels
         # Costs matter by their differences from plane to plane, in which the bias cancels.
         weight = cost.weight.detach()[:, :, 0, 0].t()
+        padded = torch.zeros(PAIR, 1, PAIR, *weight.shape)
         for place in range(PAIR):
-            rows = (place * weight.shape[0], (PAIR - 1 - place) * weight.shape[0])
-            self.register_buffer(f"cost_{place}", F.pad(weight, (0, 0, *rows)).contiguous())
+            padded[place, 0, place] = weight
+        self.register_buffer("costs", padded.flatten(2, 3))
 
     def forward(self, volume: Tensor) -> SoftArgmin:
         """Map the volume [N, D/2, 2 C, h, w] to its answer, in planes, on a grid of twice the size."""
         count, pairs, both, height, width = volume.shape
+        channels = both // PAIR
         # The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
         around = (PAIR * torch.arange(pairs).view(-1, 1) + torch.arange(-1, PAIR + 1)).clamp(0, PAIR * pairs - 1)
         around = around.flatten().to(volume.device)
+        result = volume
         for layer in self.layers:
-            planes = torch.unflatten(volume, 2, (PAIR, both // PAIR)).flatten(1, 2).index_select(1, around)
-            near = torch.unflatten(planes, 1, (pairs, PAIR + 2)).flatten(2, 3)
-            result = torch.relu(layer(near.flatten(0, 1)))
-            volume = torch.unflatten(result, 0, (count, pairs))
-        cells = torch.unflatten(result.permute(0, 2, 3, 1).flatten(1, 2), 0, (count, pairs))
+            planes = result.reshape(count, PAIR * pairs, channels, height, width).index_select(1, around)
+            result = torch.relu(layer(planes.reshape(count * pairs, (PAIR + 2) * channels, height, width)))
+        cells = result.permute(0, 2, 3, 1).reshape(count, 1, pairs, height * width, both)
         # First the even planes, then the odd ones: so nothing has to be moved.
-        cost = torch.cat([cells @ self.get_buffer(f"cost_{place}") for place in range(PAIR)], dim=1)
+        cost = (cells @ self.get_buffer("costs")).reshape(count, PAIR * pairs, height * width * self.per_cell)
         plane = torch.cat([torch.arange(place, pairs * PAIR, PAIR) for place in range(PAIR)])
-        found = soft_argmin_of_planes(cost.flatten(2), plane.to(cost))
-        grid = (height, width, self.per_cell)
-        maps = (torch.unflatten(value.squeeze(1), 1, grid).permute(0, 3, 1, 2) for value in found)
+        found = soft_argmin_of_planes(cost, plane.to(cost))
+        maps = (value.reshape(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
         return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps))
 
 

@@ -26,22 +26,21 @@ QUIET = 1.0 / UNIT**2  # added under logarithms: noise of one grey level
 LOG_UNIT = 4.0  # brings logarithms to the spread of the other channels
 
 
-class Moments(NamedTuple):
-    """Means over the cells of a grid: what the step of any window of cells is made from. Each [N, 1, h, w]."""
-
-    slope: Tensor
-    difference: Tensor
-    slope_difference: Tensor
-    slope_slope: Tensor
-    difference_difference: Tensor
-
-
 class Step(NamedTuple):
-    """What one window says. Each [N, 1, h, w]."""
+    """What one window says."""
 
-    step: Tensor  # px, to be added to the disparity
-    texture: Tensor  # logarithm of the variance of the slope, over `LOG_UNIT`: how well the step is known
-    mismatch: Tensor  # logarithm of the variance of the difference, over `LOG_UNIT`: how unlike the views are
+    step: Tensor  # [N, 1, h, w], px, to be added to the disparity
+    spread: Tensor  # [N, 2, h, w]: `texture` and `mismatch`
+
+    @property
+    def texture(self) -> Tensor:
+        """Logarithm of the variance of the slope, over `LOG_UNIT`: how well the step is known."""
+        return self.spread[:, :1]
+
+    @property
+    def mismatch(self) -> Tensor:
+        """Logarithm of the variance of the difference, over `LOG_UNIT`: how unlike the views are."""
+        return self.spread[:, 1:]
 
 
 def brightness(views: Tensor) -> Tensor:
@@ -51,10 +50,11 @@ def brightness(views: Tensor) -> Tensor:
     return rows.sum(dim=3) * (1.0 / (3 * ROWS * UNIT))
 
 
-def moments(left: Tensor, right: Tensor, disparity: Tensor, cell: int) -> Moments:
+def moments(left: Tensor, right: Tensor, disparity: Tensor, cell: int) -> Tensor:
     """Compare brightness [N, 1, H/2, W] of both views at a disparity [N, 1, h, w], px, of any coarser grid.
 
-    The means are over cells of ``cell`` x ``cell`` pixels of the views.
+    Give means [N, 5, H/cell, W/cell] over cells of ``cell`` x ``cell`` pixels of the views: the slope, the difference
+    of the views, their product, and the squares of both.
     """
     width = left.shape[-1]
     shift = F.interpolate(disparity, size=left.shape[-2:], mode="bilinear", align_corners=False)
@@ -69,23 +69,20 @@ def moments(left: Tensor, right: Tensor, disparity: Tensor, cell: int) -> Moment
     slope = (both[..., 2:] - both[..., :-2]) * 0.25
     difference = left - moved
     products = [slope, difference, slope * difference, slope * slope, difference * difference]
-    means = F.avg_pool2d(torch.cat(products, dim=1), (cell // ROWS, cell))
-    return Moments(*torch.split(means, 1, dim=1))
+    return F.avg_pool2d(torch.cat(products, dim=1), (cell // ROWS, cell))
 
 
-def coarser(found: Moments, factor: int) -> Moments:
-    """Give the means on cells that are ``factor`` times as large."""
-    return Moments(*torch.split(F.avg_pool2d(torch.cat(found, dim=1), factor), 1, dim=1))
+def step(means: Tensor, window: int) -> Step:
+    """Solve for the step within windows of ``window`` x ``window`` cells, an odd number, around every cell.
 
-
-def step(found: Moments, window: int) -> Step:
-    """Solve for the step within windows of ``window`` x ``window`` cells, an odd number, around every cell."""
-    means = torch.cat(found, dim=1)
+    ``means`` [N, 5, h, w] are those of `moments`, or means of them on larger cells.
+    """
     if window > 1:
         means = F.avg_pool2d(means, window, 1, window // 2, count_include_pad=False)
-    slope, difference, slope_difference, slope_slope, difference_difference = torch.split(means, 1, dim=1)
-    texture = (slope_slope - slope * slope).clamp_min(0.0)
-    mismatch = (difference_difference - difference * difference).clamp_min(0.0)
-    solved = (slope * difference - slope_difference) / (texture + DAMPING)
-    spread = (torch.log(variance + QUIET) / LOG_UNIT for variance in (texture, mismatch))
-    return Step(solved.clamp(-LARGEST_STEP, LARGEST_STEP), *spread)
+    # As few operations as can be, on maps together: runtimes take longer to begin one than to compute it.
+    first, product, second = torch.split(means, [2, 1, 2], dim=1)
+    slope, difference = torch.split(first, 1, dim=1)
+    variance = (second - first * first).clamp_min(0.0)
+    solved = (slope * difference - product) / (variance[:, :1] + DAMPING)
+    spread = torch.log(variance + QUIET) / LOG_UNIT
+    return Step(solved.clamp(-LARGEST_STEP, LARGEST_STEP), spread)
