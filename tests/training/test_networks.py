@@ -75,8 +75,8 @@ def test_an_untrained_refinement_changes_nothing_but_what_the_pictures_ask_for(n
     network = build_network(name)
     coarse = network.coarse(*views())
     rough, refined = network.refine(coarse).disparities
-    if coarse.hints is not None:
-        step = F.pixel_shuffle(coarse.hints[:, :4], 2)
+    if coarse.step is not None:
+        step = F.pixel_shuffle(coarse.step, 2)
         rough = (rough + torch.sigmoid(torch.tensor(1.0)) * step).clamp_min(0.0)
     torch.testing.assert_close(rough, refined)
 

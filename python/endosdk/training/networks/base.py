@@ -38,6 +38,7 @@ class Coarse(NamedTuple):
     evidence: Tensor  # [N, K, h, w], what tells how far to trust it; no gradient flows through it
     context: Tensor  # [N, C, h, w], what the refinement knows of the left view
     hints: Tensor | None = None  # [N, C, h, w], what else it may know
+    step: Tensor | None = None  # [N, C, h, w], px, what it may add to the answer as it is
 
 
 class Prediction(NamedTuple):

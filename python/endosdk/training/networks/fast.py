@@ -36,6 +36,7 @@ STRIDE = 2  # input pixels per cell of the answer
 FINE = CELL // STRIDE  # cells of the answer along one side of a cell of the matching grid
 NARROW, WIDE = 3, 7  # windows, in cells, within which the pictures are compared
 HINTS = 3 * FINE**2 + 4  # channels that tell the refinement what the comparison gave
+WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the other hints
 ROUGH_SLOPE = 0.0  # plain rectifiers: runtimes fold them into 8-bit convolutions for nothing
 
 
@@ -60,6 +61,7 @@ class Fast(StereoNetwork):
     output_stride = STRIDE
     plane_step = CELL
     usual_width = 480
+    hint_unit = 1.0  # planes; of the disparity that the refinement is told
 
     def __init__(self, max_disparity: int = 48, shape: Shape | None = None) -> None:
         """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
@@ -85,16 +87,17 @@ class Fast(StereoNetwork):
         compared = moments(bright[:pairs], bright[pairs:], disparity.detach(), STRIDE)
         cells = F.avg_pool2d(compared, FINE)
         fine, narrow, wide = step(compared, NARROW), step(cells, NARROW), step(cells, WIDE)
-        hints = [unshuffled(torch.cat(fine, dim=1), FINE), narrow.step, narrow.texture, wide.step, found.disparity]
+        shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
+        hints = [shuffled, narrow.step, narrow.texture, wide.step, found.disparity / self.hint_unit]
         evidence = torch.cat([match_evidence(found, CELL), narrow.spread], dim=1)
-        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1))
+        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), shuffled[:, : FINE**2])
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Take the step that the pictures ask for where it is to be believed, add what edges tell, and rectify."""
-        assert coarse.hints is not None
+        assert coarse.hints is not None and coarse.step is not None
         correction, belief = self.refinement(coarse.context, coarse.hints).chunk(2, dim=1)
         doubt = torch.log(correction.detach().abs().amax(dim=1, keepdim=True) + 0.05)
-        change = correction + torch.sigmoid(belief) * coarse.hints[:, : FINE**2]
+        change = correction + torch.sigmoid(belief) * coarse.step
         rough = self.on_answer_grid(coarse.disparity)
         evidence = torch.cat([coarse.evidence, doubt], dim=1)
         return Prediction([rough, torch.relu(rough + F.pixel_shuffle(change, FINE))], evidence)
@@ -114,6 +117,10 @@ class Fast(StereoNetwork):
         form.volume = PairedVolume(volume.match, volume.planes)  # type: ignore[assignment]
         form.aggregation = PairedLayers([layer.conv for layer in layers.layers], layers.cost)  # type: ignore
         form.reads_bytes = True
+        # All hints have one 8-bit scale, of which the disparity would leave the others little.
+        form.hint_unit = WIDE_UNIT
+        with torch.no_grad():
+            form.refinement.hints.weight[:, -1] *= WIDE_UNIT / self.hint_unit
         return form
 
 
