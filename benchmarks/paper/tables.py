@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from benchmarks.methods.classical import classical_method
 from benchmarks.methods.costs import network_costs
@@ -229,15 +230,13 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
     PatchMatch is timed on one pair, and only when it is named.
     """
     table = json.loads(file.read_text())
-    for name, values in table["methods"].items():
-        if name not in (only or set(table["methods"]) - {"patchmatch"}):
-            continue
-        method = method_of(name, values, runs)
-        if method is not None:
-            values["ms"] = method(reader[0]).milliseconds if name == "patchmatch" else retime(method, reader)
-            if "unfilled" in values:
-                values["unfilled"]["ms"] = values["ms"]
-            print(f"{name:18} {values['ms']:8.1f} ms")
+    rows = {name: values for name, values in table["methods"].items() if name in only} if only else table["methods"]
+    methods = {name: method_of(name, values, runs) for name, values in rows.items() if only or name != "patchmatch"}
+    for name, milliseconds in retime({name: found for name, found in methods.items() if found}, reader).items():
+        rows[name]["ms"] = milliseconds
+        if "unfilled" in rows[name]:
+            rows[name]["unfilled"]["ms"] = milliseconds
+        print(f"{name:18} {milliseconds:8.1f} ms")
     # Work of others beside the timing shows here: above the number of threads the times are too long.
     table["load_while_timed"] = os.getloadavg()[0]
     table["machine"] = machine_record()
@@ -261,8 +260,19 @@ def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:
     return estimator_method(str(files[-1])) if files else None
 
 
-def retime(method: Method, reader: DatasetReader, pairs: int = 3, repeats: int = 3) -> float:
-    """Median time of a method, ms, on a few pairs after one that warms up."""
-    samples = [reader[i] for i in range(min(pairs, len(reader)))]
-    method(samples[0])
-    return float(np.median([method(sample).milliseconds for _ in range(repeats) for sample in samples]))
+def retime(methods: dict[str, Method], reader: DatasetReader, pairs: int = 3, repeats: int = 3) -> dict[str, float]:
+    """Median time of every method, ms, on a few pairs.
+
+    All take turns, because the speed of a machine changes while they are timed, and answer twice each time: the first
+    answer finds the caches as the method before has left them.
+    """
+    times: dict[str, list[float]] = {name: [] for name in methods}
+    samples = [reader[i] for i in range(min(pairs, len(reader)))] * repeats
+    for sample in tqdm(samples, unit="pair", file=sys.stderr):
+        for name, method in methods.items():
+            if name == "patchmatch":  # minutes for a pair, beside which no cache matters
+                times[name] = times[name] or [method(sample).milliseconds]
+                continue
+            method(sample)
+            times[name].append(method(sample).milliseconds)
+    return {name: float(np.median(values)) for name, values in times.items()}
