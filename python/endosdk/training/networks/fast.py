@@ -120,7 +120,7 @@ class Fast(StereoNetwork):
         # All hints have one 8-bit scale, of which the disparity would leave the others little.
         form.hint_unit = WIDE_UNIT
         with torch.no_grad():
-            form.refinement.hints.weight[:, -1] *= WIDE_UNIT / self.hint_unit
+            form.refinement.hints.weight[:, -1] *= WIDE_UNIT
         return form
 
 
