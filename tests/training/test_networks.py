@@ -9,13 +9,13 @@ from endosdk.training.networks.base import Window
 from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
 from endosdk.training.networks.cost_volume import (
     Aggregation,
-    PlaneAggregation,
-    difference_volume,
+    difference_planes,
     soft_argmin,
     soft_argmin_of_planes,
 )
 from endosdk.training.networks.fast import DifferenceVolume
 from endosdk.training.networks.fast_export import ByteRows, PairedVolume, over_byte_rows
+from endosdk.training.networks.wang2020_export import PlaneAggregation, in_blocks
 from tests.training.exported_networks import shaken
 
 # By name, not all that is known: benchmarks add rivals to the list, which promise less.
@@ -110,25 +110,46 @@ def test_the_export_form_computes_the_same(name):
 
 def test_planes_need_folded_batch_norm():
     with pytest.raises(InvalidArgument, match="folded"):
-        PlaneAggregation(Aggregation(4, layers=1, slope=0.1))
+        PlaneAggregation(Aggregation(4, planes=3, layers=1, slope=0.1))
     with pytest.raises(InvalidArgument, match="evaluation"):
         fold_batch_norm(nn.Sequential(ConvNorm(1, 1)))
 
 
-def test_the_difference_volume_vanishes_at_the_true_shift():
+@pytest.mark.parametrize("planes", [1, 2, 5])
+def test_aggregation_plane_by_plane_equals_that_in_three_dimensions(planes):
+    torch.manual_seed(planes)
+    source = Aggregation(3, planes, layers=2, slope=0.1).eval()
+    fold_batch_norm(source)
+    left, right = torch.randn(2, 2, 3, 6, 9).double()
+    with torch.no_grad():
+        expected = source.double()(left, right)
+        torch.testing.assert_close(PlaneAggregation(source).double()(left, right), expected, atol=1e-6, rtol=0)
+    assert expected.shape == (2, 6, 9, planes) and expected.std() > 0.1
+
+
+def test_a_convolution_in_blocks_equals_one_pixel_by_pixel():
+    torch.manual_seed(0)
+    conv = nn.Conv2d(5, 1, 3, padding=1)
+    values = torch.randn(2, 5, 8, 12)
+    torch.testing.assert_close(in_blocks(conv)(values), conv(values), atol=1e-5, rtol=0)
+    with pytest.raises(InvalidArgument, match="one channel"):
+        in_blocks(nn.Conv2d(5, 2, 3, padding=1))
+
+
+def test_differences_vanish_at_the_true_shift():
     features = torch.randn(1, 4, 3, 20, generator=torch.Generator().manual_seed(0))
     left = torch.roll(features, 5, dims=3)
-    volume = difference_volume(left, features, 9)
-    assert volume.shape == (1, 4, 9, 3, 20)
-    assert torch.count_nonzero(volume[:, :, 5, :, 5:]) == 0
-    assert torch.equal(volume[:, :, 5, :, :5], left[..., :5])
-    assert torch.equal(volume[:, :, 0], left - features)
+    planes = difference_planes(left, features, 9)
+    assert [plane.shape for plane in planes] == [(1, 4, 3, 20)] * 9
+    assert torch.count_nonzero(planes[5][..., 5:]) == 0
+    assert torch.equal(planes[5][..., :5], left[..., :5])
+    assert torch.equal(planes[0], left - features)
 
 
-def test_the_volume_may_have_more_planes_than_columns():
+def test_there_may_be_more_planes_than_columns():
     features = torch.ones(1, 1, 2, 3)
-    volume = difference_volume(features, features, 6)
-    assert torch.equal(volume[0, 0, :, 0], torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]] + [[1.0, 1, 1]] * 3))
+    rows = [plane[0, 0, 0].tolist() for plane in difference_planes(features, features, 6)]
+    assert rows == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]]
 
 
 def test_soft_argmin_of_certain_answers_has_no_excess():

@@ -13,7 +13,6 @@ from torch import Tensor, nn
 from endosdk.errors import InvalidArgument
 from endosdk.training.networks.blocks import fold_batch_norm, fold_residuals
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.cost_volume import Aggregation, PlaneAggregation
 
 
 class Window(NamedTuple):
@@ -104,15 +103,11 @@ class StereoNetwork(nn.Module, ABC):
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that computes the same with layers that suit the deployed runtime.
 
-        Batch norm and additions of a layer's own input are folded into the weights; 3-D convolutions become 2-D ones
-        over neighbouring planes.
+        Batch norm and additions of a layer's own input are folded into the weights.
         """
         form = copy.deepcopy(self).eval()
         fold_batch_norm(form)
         fold_residuals(form)
-        for name, child in list(form.named_children()):
-            if isinstance(child, Aggregation):
-                setattr(form, name, PlaneAggregation(child))
         return form
 
 

@@ -8,75 +8,35 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from endosdk.errors import InvalidArgument
 from endosdk.training.networks.blocks import ConvNorm
 
 
-def difference_volume(left: Tensor, right: Tensor, planes: int) -> Tensor:
-    """Subtract from the left features the right ones shifted by 0..planes-1 cells: [N, C, planes, h, w].
+def difference_planes(left: Tensor, right: Tensor, planes: int) -> list[Tensor]:
+    """Subtract from the left features the right ones shifted by 0..planes-1 cells: each [N, C, h, w].
 
     Where a shift leaves the right view its features count as zero.
     """
     width = right.shape[-1]
     padded = F.pad(right, (planes - 1, 0))
-    shifted = [padded[..., planes - 1 - plane : planes - 1 - plane + width] for plane in range(planes)]
-    return left.unsqueeze(2) - torch.stack(shifted, dim=2)
+    return [left - padded[..., planes - 1 - plane : planes - 1 - plane + width] for plane in range(planes)]
 
 
 class Aggregation(nn.Module):
-    """3x3x3 convolutions over the volume; the last gives the cost, disparity last so that softmax is quick."""
+    """3x3x3 convolutions over the volume of differences; the last gives the cost."""
 
-    def __init__(self, channels: int, layers: int, slope: float) -> None:
+    def __init__(self, channels: int, planes: int, layers: int, slope: float) -> None:
         super().__init__()
+        self.planes = planes
         self.layers = nn.ModuleList(ConvNorm(channels, channels, dims=3, slope=slope) for _ in range(layers))
         self.cost = nn.Conv3d(channels, 1, 3, padding=1)
 
-    def forward(self, volume: Tensor) -> Tensor:
-        """Map the volume [N, C, D, h, w] to cost [N, h, w, D]."""
+    def forward(self, left: Tensor, right: Tensor) -> Tensor:
+        """Map features of both views [N, C, h, w] to cost [N, h, w, D]: disparity last, so that softmax is quick."""
+        volume = torch.stack(difference_planes(left, right, self.planes), dim=2)
         for layer in self.layers:
             volume = layer(volume)
         cost: Tensor = self.cost(volume)
         return cost.squeeze(1).permute(0, 2, 3, 1)
-
-
-class PlaneAggregation(nn.Module):
-    """The same function as `Aggregation`, with 2-D convolutions over each plane and its two neighbours.
-
-    Runtimes have fast (and int8) kernels for 2-D convolutions and slow ones for 3-D. In training the 3-D form is the
-    quicker one, so this form is made only for export, after batch norm has been folded.
-    """
-
-    def __init__(self, source: Aggregation) -> None:
-        super().__init__()
-        layers = [layer for layer in source.layers if isinstance(layer, ConvNorm)]
-        self.layers = nn.ModuleList(nn.Sequential(_over_planes(layer.conv), layer.activation) for layer in layers)
-        self.cost = _over_planes(source.cost)
-
-    def forward(self, volume: Tensor) -> Tensor:
-        """Map the volume [N, C, D, h, w] to cost [N, h, w, D]."""
-        planes = volume.permute(2, 0, 1, 3, 4)
-        for layer in self.layers:
-            planes = self._convolve(layer, planes)
-        return self._convolve(self.cost, planes).squeeze(2).permute(1, 2, 3, 0)
-
-    @staticmethod
-    def _convolve(layer: nn.Module, planes: Tensor) -> Tensor:
-        count = planes.shape[0]
-        padded = F.pad(planes, (0, 0, 0, 0, 0, 0, 0, 0, 1, 1))
-        neighbours = torch.cat([padded[:-2], planes, padded[2:]], dim=2)
-        result = layer(neighbours.flatten(0, 1))
-        return torch.unflatten(result, 0, (count, -1))
-
-
-def _over_planes(conv: nn.Module) -> nn.Conv2d:
-    """Make the 2-D convolution that equals a 3x3x3 one on [previous, this, next] plane joined along channels."""
-    if not isinstance(conv, nn.Conv3d) or conv.bias is None:
-        raise InvalidArgument("network", "must have batch norm folded into its 3-D convolutions", conv)
-    flat = nn.Conv2d(conv.in_channels * 3, conv.out_channels, 3, padding=1)
-    with torch.no_grad():
-        flat.weight.copy_(conv.weight.permute(0, 2, 1, 3, 4).flatten(1, 2))
-        flat.bias = conv.bias
-    return flat
 
 
 class SoftArgmin(NamedTuple):

@@ -24,7 +24,8 @@ from torch import Tensor, nn
 from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, check_max_disparity
 from endosdk.training.networks.blocks import ConvNorm, scaled_colours
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.cost_volume import Aggregation, difference_volume, match_evidence, soft_argmin
+from endosdk.training.networks.cost_volume import Aggregation, match_evidence, soft_argmin
+from endosdk.training.networks.wang2020_export import PlaneAggregation, in_blocks
 
 CELL = 8  # input pixels per cell of the coarse grid, and per disparity plane
 CHANNELS = 32
@@ -53,7 +54,7 @@ class Wang2020(StereoNetwork):
             *(ConvNorm(CHANNELS, CHANNELS, slope=SLOPE, residual=True) for _ in range(6)),
             nn.Conv2d(CHANNELS, CHANNELS, 3, padding=1),
         )
-        self.aggregation = Aggregation(CHANNELS, layers=4, slope=SLOPE)
+        self.aggregation = Aggregation(CHANNELS, self.max_disparity // CELL, layers=4, slope=SLOPE)
         last = nn.Conv2d(CHANNELS, 1, 3, padding=1)
         self.refinement = nn.Sequential(
             ConvNorm(4, CHANNELS, slope=SLOPE),
@@ -71,8 +72,7 @@ class Wang2020(StereoNetwork):
         # One pass over both views: shared weights, and batch norm sees the same statistics for left and right.
         views = self.features(self.down(colours))
         pairs = left.shape[0]
-        volume = difference_volume(views[:pairs], views[pairs:], self.max_disparity // CELL)
-        found = soft_argmin(self.aggregation(volume))
+        found = soft_argmin(self.aggregation(views[:pairs], views[pairs:]))
         disparity = found.disparity * CELL
         # The size is given, not the factor: the exporter can follow it for every height and width.
         upsampled = partial(F.interpolate, size=left.shape[-2:], mode="bilinear", align_corners=False)
@@ -83,3 +83,10 @@ class Wang2020(StereoNetwork):
         correction = self.refinement(torch.cat([coarse.disparity / CELL, coarse.context], dim=1))
         evidence = torch.cat([coarse.evidence, torch.log(correction.detach().abs() + 0.05)], dim=1)
         return Prediction([coarse.disparity, torch.relu(coarse.disparity + correction)], evidence)
+
+    def export_form(self) -> StereoNetwork:
+        """Return a copy in evaluation mode in the layouts of `wang2020_export`."""
+        form = super().export_form()
+        form.aggregation = PlaneAggregation(form.aggregation)  # type: ignore[arg-type]
+        form.refinement[-1] = in_blocks(form.refinement[-1])  # type: ignore
+        return form
