@@ -50,6 +50,12 @@ def shipped_models() -> dict[str, Path]:
     return {name: folder / entry["file"] for name, entry in _manifest(folder).items()}
 
 
+def shipped_weights() -> dict[str, Path]:
+    """Name and file of the trained weights that came with the package, from which a training run may start."""
+    folder = _shipped_folder()
+    return {name: folder / entry["weights"] for name, entry in _manifest(folder).items() if "weights" in entry}
+
+
 def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> ModelFile:
     """Read a model given by shipped name, path or content.
 

@@ -1,13 +1,19 @@
 import json
+from pathlib import Path
 
 import pytest
 import torch
 from safetensors import safe_open
 
+from endosdk.dataset import DatasetReader
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.models import shipped_models
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks import build_network
+from endosdk.training.parity import check_parity, parity_pairs
+
+PATH_TRACED = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
 
 CONFIG = TrainConfig(network="fast", max_disparity=32, crop=(64, 128), refine_crop=(32, 64))
 STATE = {"seconds": 1.5, "history": [], "dataset": {"name": "x"}, "init": None}
@@ -58,6 +64,21 @@ def test_a_failed_write_leaves_the_old_checkpoint(tmp_path):
     assert path.read_bytes() == before
 
 
+def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path):
+    network, optimiser = stepped(torch.optim.AdamW)
+    checkpoint.save(tmp_path / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
+    checkpoint.save_weights(tmp_path / "kept.safetensors", checkpoint.load(tmp_path))
+    kept = checkpoint.load(tmp_path / "kept.safetensors")
+    assert (kept.config, kept.step, kept.state["dataset"], kept.optimiser) == (CONFIG, 7, {"name": "x"}, {})
+    assert all(torch.equal(value, network.state_dict()[name]) for name, value in kept.network.items())
+
+
+@pytest.mark.parametrize(("name", "model"), [("fast", "fast-fp32"), ("wang2020", "wang2020")])
+def test_shipped_weights_are_those_of_the_shipped_model(name, model):
+    sample = DatasetReader(PATH_TRACED, "test")[0]
+    check_parity(checkpoint.load(name).build(), shipped_models()[model], parity_pairs(sample.left, sample.right)[1:])
+
+
 def test_broken_and_foreign_files_are_named(tmp_path):
     network, optimiser = stepped(torch.optim.RMSprop)
     path = tmp_path / "a.safetensors"
@@ -65,7 +86,7 @@ def test_broken_and_foreign_files_are_named(tmp_path):
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InvalidArgument, match=r"a\.safetensors"):
         checkpoint.load(path)
-    with pytest.raises(InvalidArgument, match="readable"):
+    with pytest.raises(InvalidArgument, match="readable safetensors file or one of fast, wang2020"):
         checkpoint.load(tmp_path / "missing.safetensors")
     from safetensors.torch import save_file
 

@@ -19,6 +19,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--int8", type=Path, metavar="FILE", help="write the form in 8-bit integers too; its name is that of the file"
     )
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="write the weights too, to train on from there")
     parser.add_argument("--layout", default="endosdk", help="layout of the data set (default: %(default)s)")
 
 
@@ -27,8 +28,9 @@ def run(args: argparse.Namespace) -> int:
     from endosdk.training import checkpoint
     from endosdk.training.release import release
 
+    trained = checkpoint.load(args.run)
     report = release(
-        checkpoint.load(args.run),
+        trained,
         args.out,
         name=args.name,
         version=args.model_version,
@@ -36,6 +38,8 @@ def run(args: argparse.Namespace) -> int:
         layout=args.layout,
         int8=args.int8,
     )
+    if args.weights:
+        checkpoint.save_weights(args.weights, trained)
     print(json.dumps(report, indent=1))
-    print(f"written {args.out}" + (f" and {args.int8}" if args.int8 else ""))
+    print("written " + ", ".join(str(file) for file in (args.out, args.int8, args.weights) if file))
     return 0

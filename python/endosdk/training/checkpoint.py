@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.models import shipped_weights
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks import StereoNetwork, build_network
 
@@ -42,10 +43,26 @@ def save(
     path: Path, config: TrainConfig, step: int, state: dict[str, Any], network: nn.Module, optimiser: Optimizer
 ) -> None:
     """Write a checkpoint so that a reader finds the old one or the new one, never half."""
-    tensors = {f"network.{name}": tensor for name, tensor in network.state_dict().items()}
-    for index, entries in optimiser.state_dict()["state"].items():
-        for name, value in entries.items():
-            tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value)
+    moments = {
+        f"{index}.{name}": torch.as_tensor(value)
+        for index, entries in optimiser.state_dict()["state"].items()
+        for name, value in entries.items()
+    }
+    _write(path, Checkpoint(config, step, state, network.state_dict(), moments))
+
+
+def save_weights(path: Path, trained: Checkpoint) -> None:
+    """Write what another run needs to start from these weights: all but the state of the optimiser."""
+    # Where the data lay and what the run itself started from are of no use elsewhere; the notes say what they were.
+    config = replace(trained.config, data="", init_from=None)
+    state = {**trained.state, "history": []}
+    _write(path, Checkpoint(config, trained.step, state, trained.network, {}))
+
+
+def _write(path: Path, content: Checkpoint) -> None:
+    config, step, state = content.config, content.step, content.state
+    tensors = {f"network.{name}": tensor for name, tensor in content.network.items()}
+    tensors.update({f"optimiser.{name}": tensor for name, tensor in content.optimiser.items()})
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     header = {"format": FORMAT, "config": json.dumps(config.as_dict()), "step": str(step), "state": json.dumps(state)}
     partial = path.with_name(path.name + ".partial")
@@ -56,15 +73,20 @@ def save(
         raise StorageFailed("out", "must be writable", f"{path} ({error})") from error
 
 
-def load(path: Path) -> Checkpoint:
-    """Read a checkpoint file, or the last one of a run folder."""
+def load(source: str | Path) -> Checkpoint:
+    """Read a checkpoint file, the last one of a run folder, or weights that came with the package, by name."""
+    path = shipped_weights().get(str(source), Path(source))
     file = path / LAST if path.is_dir() else path
     try:
         with safe_open(file, framework="pt") as archive:
             header = archive.metadata() or {}
             tensors = {name: archive.get_tensor(name) for name in archive.keys()}
     except (OSError, SafetensorError) as error:
-        raise InvalidArgument("checkpoint", "must be a readable safetensors file", f"{file} ({error})") from error
+        raise InvalidArgument(
+            "checkpoint",
+            "must be a run folder, a readable safetensors file or one of " + ", ".join(shipped_weights()),
+            f"{file} ({error})",
+        ) from error
     if header.get("format") != FORMAT:
         raise InvalidArgument("checkpoint", f"must be one of this package, format {FORMAT}", file)
     parts: dict[str, dict[str, Tensor]] = {"network": {}, "optimiser": {}}

@@ -23,7 +23,7 @@ class TrainConfig:
     layout: str = "endosdk"  # how the data set is laid out on disk
     train_pairs: int | None = None  # use only the first so many pairs; None: all but those held out
     held_out: int = 8  # last pairs of the train split, kept for validation and for fitting the confidence
-    init_from: str | None = None  # run folder or checkpoint whose weights are the start
+    init_from: str | None = None  # run folder, checkpoint or shipped name whose weights are the start
 
     # samples
     batch: int = 4  # pairs per step and process

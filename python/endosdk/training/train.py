@@ -93,7 +93,7 @@ class Run:
         source = self.out if resume else self.config.init_from
         if source is None:
             return None
-        saved = checkpoint.load(Path(source))
+        saved = checkpoint.load(source)
         # No weight depends on how many planes are searched: a run may start from one of another range.
         fixed = ("network", "max_disparity") if resume else ("network",)
         for name in fixed:
