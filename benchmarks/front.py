@@ -12,16 +12,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from pathlib import Path
 from statistics import median
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from benchmarks.record import machine_record
+from benchmarks.turns import answers_in_turns
 from endosdk.baseline import fill_holes
 from endosdk.dataset import Sample
 from endosdk.dataset_layouts import open_dataset
@@ -56,16 +55,13 @@ def bm_method() -> Method:
     return answer
 
 
-def measure_in_turns(methods: dict[str, Method], samples: list[Sample]) -> dict[str, dict[str, float]]:
+def measure(methods: dict[str, Method], samples: list[Sample]) -> dict[str, dict[str, float]]:
     """Median time and pooled error of every method."""
     boards = {name: ScoreBoard() for name in methods}
     times: dict[str, list[float]] = {name: [] for name in methods}
-    for sample in tqdm(samples, unit="pair", file=sys.stderr):
-        for name, method in methods.items():
-            method(sample)  # finds the caches as the method before has left them
-            answer = method(sample)
-            boards[name].add(answer.disparity, sample.disparity)
-            times[name].append(answer.milliseconds)
+    for name, sample, answer in answers_in_turns(methods, samples):
+        boards[name].add(answer.disparity, sample.disparity)
+        times[name].append(answer.milliseconds)
     points = {}
     for name, board in boards.items():
         scores = board.result()["all"]
@@ -109,12 +105,14 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--figure", type=Path, required=True)
     args = parser.parse_args()
+    if args.pairs < 1:
+        parser.error("--pairs must be at least 1")
     cv2.setNumThreads(args.threads)
     reader = open_dataset(args.data, "test")
     methods: dict[str, Method] = dict(named_model(entry, args.threads) for entry in args.models)
     named = list(methods)
     methods |= {"sgbm": sgbm_method(filled=True), "bm": bm_method()}
-    points = measure_in_turns(methods, [reader[index] for index in range(min(args.pairs, len(reader)))])
+    points = measure(methods, [reader[index] for index in range(min(args.pairs, len(reader)))])
     for name, point in points.items():
         print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px")
     record = {

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from benchmarks.methods.classical import classical_method
 from benchmarks.methods.costs import network_costs
@@ -20,6 +19,7 @@ from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
 from benchmarks.paper.runs import RunState, exported, training_curve
+from benchmarks.turns import answers_in_turns
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
 from endosdk.dataset import DatasetReader, Sample
@@ -261,18 +261,12 @@ def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:
 
 
 def retime(methods: dict[str, Method], reader: DatasetReader, pairs: int = 3, repeats: int = 3) -> dict[str, float]:
-    """Median time of every method, ms, on a few pairs.
-
-    All take turns, because the speed of a machine changes while they are timed, and answer twice each time: the first
-    answer finds the caches as the method before has left them.
-    """
-    times: dict[str, list[float]] = {name: [] for name in methods}
-    samples = [reader[i] for i in range(min(pairs, len(reader)))] * repeats
-    for sample in tqdm(samples, unit="pair", file=sys.stderr):
-        for name, method in methods.items():
-            if name == "patchmatch":  # minutes for a pair, beside which no cache matters
-                times[name] = times[name] or [method(sample).milliseconds]
-                continue
-            method(sample)
-            times[name].append(method(sample).milliseconds)
-    return {name: float(np.median(values)) for name, values in times.items()}
+    """Median time of every method, ms, on a few pairs; PatchMatch, which takes minutes, answers one pair once."""
+    samples = [reader[i] for i in range(min(pairs, len(reader)))]
+    quick = {name: method for name, method in methods.items() if name != "patchmatch"}
+    times: dict[str, list[float]] = {name: [] for name in quick}
+    for name, _, answer in answers_in_turns(quick, samples * repeats):
+        times[name].append(answer.milliseconds)
+    medians = {name: float(np.median(values)) for name, values in times.items()}
+    slow = {name: methods[name](samples[0]).milliseconds for name in methods.keys() - quick.keys()}
+    return {**medians, **slow}

@@ -1,0 +1,22 @@
+"""Methods take turns on the same pairs, because the speed of a machine changes while they are measured."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+from tqdm import tqdm
+
+from endosdk.dataset import Sample
+from endosdk.evaluation import Answer, Method
+
+
+def answers_in_turns(methods: dict[str, Method], samples: list[Sample]) -> Iterator[tuple[str, Sample, Answer]]:
+    """Yield the answer of every method to every pair, with the method's name.
+
+    Each answers twice and the second answer counts: the first finds the caches as the method before has left them.
+    """
+    for sample in tqdm(samples, unit="pair", file=sys.stderr):
+        for name, method in methods.items():
+            method(sample)
+            yield name, sample, method(sample)
