@@ -53,6 +53,7 @@ def done(tiny_set, tmp_path_factory):
     methods = ["--only", "wang2020", "base", "loss-l2", "sgbm", "sgbm-hh", "bm"]
     # Half of a budget of four steps was used.
     assert main(["evaluate", *given, *short, *methods, "--steps=4"]) == 0
+    assert main(["evaluate", *given, "--only", "bm", "--pairs=1", "--table=table1_first"]) == 0
     assert main(["time", *given, "--only", "bm"]) == 0
     assert main(["figures", *given]) == 0
     assert main(["report", *places]) == 0
@@ -101,6 +102,7 @@ def test_report_marks_short_runs_and_says_what_is_missing(done):
     text = (done / "docs/report.md").read_text()
     assert re.search(r"\| wang2020, trained as the rivals \| \d.*\*\*stopped early: 2 of 4 crops\*\* \|", text)
     assert "| PSMNet | not yet run |" in text
+    assert "## Table 1 on the first 1 pairs of tiny" in text
     assert "anynet, psmnet: not yet run" in text  # no verdict on a table with a hole
     assert "| 900 pairs | not yet run |" in text
     assert re.search(r"Ours: the claim (held|did not hold): .* Not final: L2, lambda 0.5 stopped early\.", text)
@@ -112,7 +114,7 @@ def test_page_is_self_contained(done):
     page = (done / "docs/report.html").read_text()
     assert page.count('src="data:image/png;base64,') == len(list((done / "docs").glob("*.png"))) == 4
     assert not re.search(r'(src|href)="(?!data:)', page)
-    assert page.count("<table>") == page.count("</table>") == 5
+    assert page.count("<table>") == page.count("</table>") == 6
     assert "<b>stopped early: 2 of 4 crops</b>" in page
 
 

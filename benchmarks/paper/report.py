@@ -22,7 +22,8 @@ def write_report(results: Path, docs: Path) -> list[Path]:
     others = [_read(file) for file in sorted(results.glob("table1_*.json"))]
     lines = [*_head(table), *_table("Table 1", table)]
     for other in others:
-        lines += _table(f"Table 1 on {other['dataset']}", other)
+        some = f"the first {other['pairs']} pairs of " if other["dataset"] == table.get("dataset") else ""
+        lines += _table(f"Table 1 on {some}{other['dataset']}", other)
     text = "\n".join([*lines, *_groups(table, ablations, docs)]) + "\n"
     docs.mkdir(parents=True, exist_ok=True)
     files = [docs / "report.md", docs / "report.html"]
