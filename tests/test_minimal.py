@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import endosdk
+from endosdk.models import shipped_weights
 
 
 def smooth_pair(height: int, width: int, shift: int) -> tuple[np.ndarray, np.ndarray]:
@@ -28,6 +29,10 @@ def test_shipped_model_sees_a_plane_at_its_depth(name):
     assert np.median(middle) == pytest.approx(24, abs=1.5)
     assert np.median(rig.baseline_mm * 400 / middle) == pytest.approx(83.3, rel=0.07)
     assert np.array_equal(np.isnan(result.depth), result.reasons != 0)
+
+
+def test_weights_to_train_on_from_are_there():
+    assert {name for name, file in shipped_weights().items() if file.stat().st_size > 100_000} == {"fast", "wang2020"}
 
 
 def test_bad_input_has_a_code():
