@@ -85,11 +85,11 @@ def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
 
 
 def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample, file: Path) -> Path:
-    """Draw one pair as every method of the table answers it, with its error beside (Fig. 6)."""
+    """Draw one pair as every method of the set's tables answers it, with its error beside (Fig. 6)."""
     from benchmarks.paper.tables import method_of, patchmatch_folder
 
-    table = args.results / "table1.json"
-    rows = json.loads(table.read_text())["methods"] if table.exists() else {}
+    tables = [json.loads(file.read_text()) for file in sorted(args.results.glob("table1*.json"))]
+    rows = {name: row for table in tables if table["sha256"] == reader.sha256 for name, row in table["methods"].items()}
     methods = {name: method_of(name, rows[name], args.runs) for name in LABELS if name in rows}
     if "patchmatch" in methods:
         kept = kept_match(patchmatch_folder(args.runs, reader), PatchMatchSettings())
