@@ -15,7 +15,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.training.networks.blocks import ConvNorm
 from endosdk.training.networks.cost_volume import Aggregation, difference_planes
 
-BLOCK = 4  # sides of the block of pixels that `in_blocks` computes at once
+BLOCK = 4  # px, side of the block that `in_blocks` computes at once
 
 
 class PlaneAggregation(nn.Module):
