@@ -11,7 +11,9 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     assert main(["train", "--data", str(dataset_root), "--out", str(run), "--steps", "2", *common]) == 0
     assert main(["train", "--out", str(run), "--resume", "--steps", "3"]) == 0
     capsys.readouterr()
-    assert main(["export", str(run), "--out", str(model), "--name", "trial", "--model-version", "7"]) == 0
+    weights = tmp_path / "kept.safetensors"
+    named = ["--name", "trial", "--model-version", "7", "--weights", str(weights)]
+    assert main(["export", str(run), "--out", str(model), *named]) == 0
     printed = capsys.readouterr().out
     report = json.loads(printed[: printed.rindex("}") + 1])
     assert report["parity"]["largest_px"] <= 1e-3
@@ -27,6 +29,11 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     assert json.loads(metadata["endosdk.training"]) == report["training"]
     assert metadata["endosdk.max_disparity"] == "48"
     assert str(tmp_path) not in metadata["endosdk.training"]
+
+    # Both ways on: from what was kept, and from weights that come with the package.
+    for start in (str(weights), "fast"):
+        begun = ["--data", str(dataset_root), "--out", str(tmp_path / f"from-{len(start)}"), "--init-from", start]
+        assert main(["train", *begun, "--steps", "1", *common]) == 0
 
 
 @pytest.mark.parametrize(
