@@ -76,7 +76,24 @@ def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path
 @pytest.mark.parametrize(("name", "model"), [("fast", "fast-fp32"), ("wang2020", "wang2020")])
 def test_shipped_weights_are_those_of_the_shipped_model(name, model):
     sample = DatasetReader(PATH_TRACED, "test")[0]
-    check_parity(checkpoint.load(name).build(), shipped_models()[model], parity_pairs(sample.left, sample.right)[1:])
+    check_parity(
+        checkpoint.load(checkpoint.starting_point(name)).build(),
+        shipped_models()[model],
+        parity_pairs(sample.left, sample.right)[1:],
+    )
+
+
+def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidArgument, match="readable"):
+        checkpoint.load(Path("fast"))  # nothing there: not the shipped weights instead
+    network, optimiser = stepped(torch.optim.AdamW)
+    Path("fast").mkdir()
+    checkpoint.save(Path("fast") / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
+    assert checkpoint.load(Path("fast")).step == checkpoint.load(checkpoint.starting_point("./fast")).step == 7
+    assert checkpoint.load(checkpoint.starting_point("fast")).step > 7
+    with pytest.raises(InvalidArgument, match=r"init_from: must be .* one of fast, wang2020; got fats"):
+        checkpoint.starting_point("fats")
 
 
 def test_broken_and_foreign_files_are_named(tmp_path):
@@ -86,7 +103,7 @@ def test_broken_and_foreign_files_are_named(tmp_path):
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InvalidArgument, match=r"a\.safetensors"):
         checkpoint.load(path)
-    with pytest.raises(InvalidArgument, match="readable safetensors file or one of fast, wang2020"):
+    with pytest.raises(InvalidArgument, match="readable"):
         checkpoint.load(tmp_path / "missing.safetensors")
     from safetensors.torch import save_file
 

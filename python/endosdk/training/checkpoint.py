@@ -73,20 +73,24 @@ def _write(path: Path, content: Checkpoint) -> None:
         raise StorageFailed("out", "must be writable", f"{path} ({error})") from error
 
 
-def load(source: str | Path) -> Checkpoint:
-    """Read a checkpoint file, the last one of a run folder, or weights that came with the package, by name."""
-    path = shipped_weights().get(str(source), Path(source))
+def starting_point(source: str) -> Path:
+    """Return the file or run folder that ``source`` names: shipped weights by name, else a path that is there."""
+    path = shipped_weights().get(source, Path(source))
+    if not path.exists():
+        names = ", ".join(shipped_weights())
+        raise InvalidArgument("init_from", f"must be a run folder, a checkpoint or one of {names}", source)
+    return path
+
+
+def load(path: Path) -> Checkpoint:
+    """Read a checkpoint file, or the last one of a run folder."""
     file = path / LAST if path.is_dir() else path
     try:
         with safe_open(file, framework="pt") as archive:
             header = archive.metadata() or {}
             tensors = {name: archive.get_tensor(name) for name in archive.keys()}
     except (OSError, SafetensorError) as error:
-        raise InvalidArgument(
-            "checkpoint",
-            "must be a run folder, a readable safetensors file or one of " + ", ".join(shipped_weights()),
-            f"{file} ({error})",
-        ) from error
+        raise InvalidArgument("checkpoint", "must be a readable safetensors file", f"{file} ({error})") from error
     if header.get("format") != FORMAT:
         raise InvalidArgument("checkpoint", f"must be one of this package, format {FORMAT}", file)
     parts: dict[str, dict[str, Tensor]] = {"network": {}, "optimiser": {}}

@@ -90,10 +90,10 @@ class Run:
     def _restore(self, resume: bool) -> checkpoint.Checkpoint | None:
         if not resume and (self.out / checkpoint.LAST).exists():
             raise InvalidArgument("out", "must not hold another run unless it is resumed", self.out)
-        source = self.out if resume else self.config.init_from
-        if source is None:
+        if not resume and self.config.init_from is None:
             return None
-        saved = checkpoint.load(source)
+        # Only a start may be a shipped name: a run's own folder may be called the same.
+        saved = checkpoint.load(self.out if resume else checkpoint.starting_point(str(self.config.init_from)))
         # No weight depends on how many planes are searched: a run may start from one of another range.
         fixed = ("network", "max_disparity") if resume else ("network",)
         for name in fixed:
