@@ -123,8 +123,11 @@ class PSMNet(RivalNetwork):
     def stages(self, left: Tensor, right: Tensor) -> Stages:
         """Match; the outputs of the first two hourglasses are computed only where they are trained or asked for."""
         pairs = left.shape[0]
-        views = self.features(scaled_colours(torch.cat([left, right])))
-        volume = self.entry(_concatenation_volume(views[:pairs], views[pairs:], self.max_disparity // CELL))
+        colours = scaled_colours(torch.cat([left, right]))
+        # Channels last: the convolutions of processors run up to twice as fast so.
+        views = self.features(colours.contiguous(memory_format=torch.channels_last))
+        joined = _concatenation_volume(views[:pairs], views[pairs:], self.max_disparity // CELL)
+        volume = self.entry(joined.contiguous(memory_format=torch.channels_last_3d))
         volume = volume + self.entry_residual(volume)
         out, before, after = self.hourglasses[0](volume, None, None)
         scores = [self.heads[0](out + volume)]
@@ -132,7 +135,7 @@ class PSMNet(RivalNetwork):
             out, _, after = hourglass(out + volume, before, after)
             scores.append(scores[-1] + head(out + volume))
         chosen = scores if self.training else [scores[0], scores[-1]]
-        found = [soft_argmin(-self._at_full_size(score, left)) for score in chosen]
+        found = [soft_argmin(self._at_full_size(-score, left)) for score in chosen]
         return Stages([f.disparity for f in found], match_evidence(found[-1], 1))
 
     def _at_full_size(self, score: Tensor, like: Tensor) -> Tensor:
