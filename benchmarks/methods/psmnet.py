@@ -123,10 +123,9 @@ class PSMNet(RivalNetwork):
     def stages(self, left: Tensor, right: Tensor) -> Stages:
         """Match; the outputs of the first two hourglasses are computed only where they are trained or asked for."""
         pairs = left.shape[0]
-        colours = scaled_colours(torch.cat([left, right]))
-        # Channels last: the convolutions of processors run up to twice as fast so.
-        views = self.features(colours.contiguous(memory_format=torch.channels_last))
+        views = self.features(scaled_colours(torch.cat([left, right])))
         joined = _concatenation_volume(views[:pairs], views[pairs:], self.max_disparity // CELL)
+        # Channels last, as training gives the views: on a processor the convolutions are up to twice as fast so.
         volume = self.entry(joined.contiguous(memory_format=torch.channels_last_3d))
         volume = volume + self.entry_residual(volume)
         out, before, after = self.hourglasses[0](volume, None, None)
