@@ -15,6 +15,7 @@ import json
 import time
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -26,6 +27,9 @@ from endosdk.dataset import Sample
 from endosdk.dataset_layouts import open_dataset
 from endosdk.evaluation import Answer, Method, estimator_method, sgbm_method
 from endosdk.scores import ScoreBoard
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BM_BLOCK = 21  # px, the default of OpenCV
 BM_DISPARITIES = 80  # as many as StereoSGBM searches here
@@ -80,9 +84,8 @@ def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
     for name, point in points.items():
         ours = name not in ("sgbm", "bm", "wang2020")
         axes.plot(point["ms"], point["epe_px"], "o" if ours else "s", color="C0" if ours else "C7", markersize=7)
-        axes.annotate(name, (point["ms"], point["epe_px"]), xytext=(6, 5), textcoords="offset points", fontsize=9)
     axes.axvline(1000 / 45, color="C3", linewidth=1, linestyle="--")
-    axes.text(1000 / 45, axes.get_ylim()[1], " 45 FPS", color="C3", va="top", fontsize=8)
+    axes.text(1000 / 45, 0.99, " 45 FPS", color="C3", va="top", fontsize=8, transform=axes.get_xaxis_transform())
     axes.margins(x=0.15, y=0.1)
     axes.set(xscale="log", yscale="log", xlabel="median time of a frame, ms", ylabel="end-point error, px", title=title)
     axes.set_xticks([10, 20, 50, 100, 200, 500, 1000])
@@ -91,9 +94,37 @@ def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_locator(ticker.NullLocator())
     axes.grid(alpha=0.25)
+    figure.draw_without_rendering()  # lays the axes out: labels are placed by what they cover
+    _label(axes, points)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
+
+
+def _label(axes: Axes, points: dict[str, dict[str, float]]) -> None:
+    """Write each name beside its point: above or below, right or left, the first place that is still free."""
+    from matplotlib.transforms import Bbox
+
+    places = [(point["ms"], point["epe_px"]) for point in points.values()]
+    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in axes.transData.transform(places)]
+    for name, place in zip(points, places, strict=True):
+        for right, above in ((True, True), (True, False), (False, True), (False, False)):
+            label = axes.annotate(
+                name,
+                place,
+                xytext=(6 if right else -6, 3 if above else -3),
+                textcoords="offset points",
+                ha="left" if right else "right",
+                va="bottom" if above else "top",
+                fontsize=8,
+            )
+            box = label.get_window_extent()
+            if not any(box.overlaps(other) for other in taken):
+                break
+            label.remove()
+        else:
+            axes.add_artist(label)  # all four are taken: better written over another than not at all
+        taken.append(box)
 
 
 def main() -> None:
@@ -109,10 +140,13 @@ def main() -> None:
         parser.error("--pairs must be at least 1")
     cv2.setNumThreads(args.threads)
     reader = open_dataset(args.data, "test")
+    if args.pairs > len(reader):
+        parser.error(f"--pairs must be at most the {len(reader)} of the test split")
+    samples = [reader[index] for index in range(args.pairs)]
     methods: dict[str, Method] = dict(named_model(entry, args.threads) for entry in args.models)
     named = list(methods)
     methods |= {"sgbm": sgbm_method(filled=True), "bm": bm_method()}
-    points = measure(methods, [reader[index] for index in range(min(args.pairs, len(reader)))])
+    points = measure(methods, samples)
     for name, point in points.items():
         print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px")
     record = {
@@ -123,7 +157,8 @@ def main() -> None:
         **machine_record(),
     }
     args.json.write_text(json.dumps(record, indent=2) + "\n")
-    draw(points, args.figure, f"{reader.name}, {args.pairs} pairs of 960 x 720, {args.threads} threads")
+    height, width = samples[0].left.shape[:2]
+    draw(points, args.figure, f"{reader.name}, {args.pairs} pairs of {width} x {height}, {args.threads} threads")
 
 
 if __name__ == "__main__":
