@@ -198,6 +198,17 @@ def test_the_volume_of_fast_is_the_difference_at_every_shift():
     torch.testing.assert_close(paired[0].view(found.shape), found, atol=1e-6, rtol=0)
 
 
+@pytest.mark.parametrize("planes", [10, 80])
+def test_soft_argmin_keeps_its_digits_within_autocast(planes):
+    truth = torch.linspace(1.0, planes - 2.0, 1001)
+    cost = (torch.arange(planes) - truth.view(1, 1, -1, 1)).abs() * 8.0
+    with torch.autocast("cpu", torch.bfloat16):
+        found = soft_argmin(cost.bfloat16())
+    assert found.disparity.dtype == torch.float32
+    torch.testing.assert_close(found.disparity, soft_argmin(cost.bfloat16().float()).disparity, rtol=0, atol=1e-5)
+    assert len(found.disparity.unique()) > 900
+
+
 def test_soft_argmin_is_the_same_in_both_orders():
     cost = torch.randn(2, 3, 4, 6, generator=torch.Generator().manual_seed(3)) * 8 + 500  # far from what exp can take
     order = torch.tensor([0, 2, 4, 1, 3, 5])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import torch
@@ -51,9 +52,15 @@ def soft_argmin(cost: Tensor) -> SoftArgmin:
 
     A distribution that says "exactly here" still has the variance f(1 - f) when the answer lies the fraction f
     between two planes. Only what exceeds that is doubt.
+
+    At least float32 is used, within autocast too: the mean of planes 8 px apart, in the eight digits of bf16, would be
+    a disparity in steps of a quarter of a pixel.
     """
-    index = torch.arange(cost.shape[-1], dtype=cost.dtype, device=cost.device)
-    moments = torch.softmax(-cost, dim=-1) @ torch.stack([index, index * index], dim=1)
+    cost = cost.to(torch.promote_types(cost.dtype, torch.float32))
+    kind = cost.device.type
+    with torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext():
+        index = torch.arange(cost.shape[-1], dtype=cost.dtype, device=cost.device)
+        moments = torch.softmax(-cost, dim=-1) @ torch.stack([index, index * index], dim=1)
     return _of_moments(moments[..., 0].unsqueeze(1), moments[..., 1].unsqueeze(1))
 
 
