@@ -50,10 +50,11 @@ def _head(table: dict[str, Any]) -> list[str]:
         f"Data: {data}.",
         "",
         f"The protocol, for a GPU, is the same for every network: {PROTOCOL['train_pairs']} training pairs, "
-        f"{_crops(PROTOCOL)}, {PROTOCOL['optimiser']}, the same augmentation. The budget for processors is smaller, "
-        f"again for every run of a table alike. Table 1: {_crops(small)}, and where a network has a refinement apart, "
-        f"that learns on a window of {_size(small['refine_crop'])} in each; {stops}. Ablations: {_crops(smallest)}, "
-        f"the refinement on {_size(smallest['refine_crop'])}: they are compared with one another, not with Table 1. "
+        f"{_crops(PROTOCOL)}, the same augmentation; loss, optimiser and rate are those of its paper. On processors, "
+        f"again for every run of a table alike, Table 1 takes {_crops(small)}, and where a network has a refinement "
+        f"apart, that learns on a window of {_size(small['refine_crop'])} in each; {stops}. Ablations take "
+        f"{_crops(smallest)}, the refinement {_size(smallest['refine_crop'])} of each: they are compared with one "
+        "another, not with Table 1. "
         "Each table says what its runs saw. What has not been run is named and has no number.",
         "",
     ]
