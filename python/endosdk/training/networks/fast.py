@@ -49,7 +49,7 @@ class Shape:
     volume: int = 16  # channels of the volume
     layers: int = 2  # convolutions over the volume
     refine: int = 32  # channels of the refinement
-    refine_layers: int = 3  # between its first and last convolution
+    refine_layers: int = 6  # between its first and last convolution
 
 
 class Fast(StereoNetwork):
