@@ -47,7 +47,7 @@ def test_wang2020_has_the_layers_of_the_paper():
 
 
 def test_fast_is_small():
-    assert 0.05e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.12e6
+    assert 0.05e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.15e6
 
 
 @pytest.mark.parametrize("name", OURS)
@@ -84,8 +84,9 @@ def test_an_untrained_refinement_changes_nothing_but_what_the_pictures_ask_for(n
 @pytest.mark.parametrize("name", OURS)
 def test_a_window_gives_the_same_refinement_away_from_its_border(name):
     network = shaken(build_network(name))
-    left, right = views(96, 192)
-    window, margin = Window(16, 40, 72, 120), 24 if name == "wang2020" else 32
+    left, right = views(168, 256)
+    # The refinement of fast reaches as far as 14 cells of 4 px: a layer, six of dilation 2, and the last.
+    window, margin = Window(16, 40, 136, 176), 24 if name == "wang2020" else 56
     with torch.no_grad():
         whole, part = network(left, right), network(left, right, window=window)
     assert torch.equal(whole.disparities[0], part.disparities[0])
