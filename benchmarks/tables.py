@@ -17,6 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from endosdk import _core
+
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 DOCUMENTS = (
@@ -58,7 +60,6 @@ PAIRS = {
     "wrong_pairs/views swapped": "views swapped",
     "wrong_pairs/right 12 rows off": "right view 12 rows off",
 }
-MARGIN_PX = 0.5  # what the SDK keeps to, `last_plane_margin` of cpp/src/postprocess.hpp
 
 
 def accuracy_table(record: str = "accuracy") -> str:
@@ -110,7 +111,7 @@ def range_end_table() -> str:
     rows = []
     for margins in zip(*models.values(), strict=True):
         cells = [f"{margins[0]['margin_px']:g}", *(_percent(margin[key]) for margin in margins for key in what)]
-        rows.append([f"**{cell}**" for cell in cells] if margins[0]["margin_px"] == MARGIN_PX else cells)
+        rows.append([f"**{cell}**" for cell in cells] if margins[0]["margin_px"] == _core.range_margin else cells)
     return _table(heads, rows)
 
 

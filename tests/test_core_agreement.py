@@ -9,6 +9,7 @@ import endosdk
 from endosdk import _core
 from tests import reference
 from tests.conftest import TINY_MODEL, shifted_pair
+from tests.rigs import raw_rig
 
 
 @pytest.fixture(autouse=True)
@@ -19,14 +20,21 @@ def restore_threads():
 
 
 def confidence_of(
-    disparity: np.ndarray, confidence: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
+    disparity: np.ndarray,
+    confidence: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    height: int,
+    width: int,
+    same_frames: bool = False,
 ) -> np.ndarray:
     """The confidence map of a frame that the network saw as it is, at the resolution of the grids' cells."""
     stride = left.shape[2] // disparity.shape[1]
     shape = (height, width)
     maps = [np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.uint8)]
     scale = 1 / stride
-    _core.postprocess(disparity, confidence, scale, scale, 1.0, *maps, left, None, None, 0.3, right_image=right)
+    views = {"right_image": right, "same_frames": same_frames}
+    _core.postprocess(disparity, confidence, scale, scale, 1.0, *maps, left, None, None, 0.3, **views)
     return maps[1]
 
 
@@ -82,8 +90,22 @@ def test_views_that_do_not_belong_together_have_no_answer(wrong):
     views = padded(left, 8), padded(right, 8)
     disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 0 if right is left else 9, np.float32)
     confidence = np.ones_like(disparity)
-    seen = confidence_of(disparity, confidence, *views, 180, 240)
+    seen = confidence_of(disparity, confidence, *views, 180, 240, same_frames=_core.same_pixels(left, right))
     assert np.mean(seen > 0) < 0.05
+
+
+def test_same_pixels_knows_the_frame_from_one_that_differs_in_a_byte():
+    left, _ = shifted_pair(40, 60, 9)
+    wide = np.zeros((40, 80, 3), np.uint8)
+    wide[:, :60] = left
+    assert _core.same_pixels(left, left.copy())
+    assert _core.same_pixels(left, wide[:, :60])  # another row pitch
+    assert not _core.same_pixels(left, left[:, :59])
+    assert not _core.same_pixels(left, np.ascontiguousarray(left[..., 0]))
+    for row, column in ((0, 0), (39, 59), (20, 30)):
+        other = left.copy()
+        other[row, column, 2] ^= 1
+        assert not _core.same_pixels(left, other)
 
 
 def test_exposure_and_colour_of_a_camera_do_not_matter():
@@ -101,6 +123,17 @@ def test_a_right_view_of_another_shape_is_refused():
     view = np.zeros((3, 32, 32), np.uint8)
     with pytest.raises(ValueError, match="right_image: must have the shape of image; got 16x32"):
         confidence_of(grid, grid, view, np.zeros((3, 32, 16), np.uint8), 32, 32)
+
+
+def test_one_camera_connected_twice_is_found_before_the_lens_maps_make_it_two():
+    left, _ = shifted_pair(96, 160, 9)
+    estimator = endosdk.DepthEstimator(TINY_MODEL, calibration=raw_rig().scaled(160, 96))
+    views = estimator.rectify(left, left)
+    assert not np.array_equal(*views)
+    result = estimator.predict(left, left)
+    assert result.status == endosdk.Status.INVALID
+    assert result.valid_share == 0
+    assert [r.status for r in estimator.stream([(left, left)])] == [endosdk.Status.INVALID]
 
 
 def test_a_covered_camera_makes_the_frame_invalid():

@@ -229,6 +229,13 @@ void rectify_arrays(const Rectifier& rectifier, const py::array& left, const py:
   rectifier.rectify(pair.left, pair.right, pair.out_left, pair.out_right, pair.order);
 }
 
+bool same_pixel_arrays(const py::array& left, const py::array& right) {
+  const ImageView a = image_view(left, "left");
+  const ImageView b = image_view(right, "right");
+  const py::gil_scoped_release release;
+  return same_pixels(a, b);
+}
+
 void pack_arrays(const py::array& left, const py::array& right, py::array& out_left, py::array& out_right,
                  const std::string& order) {
   const Pair pair(left, right, out_left, out_right, order);
@@ -253,7 +260,7 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
                        const OptionalArray& image, const OptionalArray& valid_left, const OptionalArray& valid_right,
                        float min_confidence, OptionalArray out_depth, OptionalArray out_sigma, double focal_px,
                        double baseline_mm, double doffs, double min_depth_mm, double max_depth_mm, double image_scale_y,
-                       double image_scale_x, double last_plane, const OptionalArray& right_image) {
+                       double image_scale_x, double last_plane, const OptionalArray& right_image, bool same_frames) {
   PostprocessOutput out;
   out.disparity = float_output(out_disparity, "out_disparity");
   const MutableFloatView& size = out.disparity;
@@ -274,6 +281,7 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
   // The images are only read; the view's type is shared with outputs.
   if (image) in.left = planar_view(*image, const_cast<void*>(image->data()), "image");
   if (right_image) in.right = planar_view(*right_image, const_cast<void*>(right_image->data()), "right_image");
+  in.same_frames = same_frames;
   in.view_scale = {image_scale_y, image_scale_x};
   in.valid_left = map_of<uint8_t>(valid_left, size, "valid_left");
   in.valid_right = map_of<uint8_t>(valid_right, size, "valid_right");
@@ -284,14 +292,14 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
 
 void bind_settings(py::module_& m) {
   m.attr("version") = ENDOSDK_VERSION;
+  m.attr("range_margin") = range_margin;
   m.def("isa", [] { return std::string(kernels().name); }, "Instruction set in use: avx512, avx2 or plain.");
   m.def("set_isa", [](const std::string& name) { choose_kernels(name.c_str()); }, py::arg("name"),
         "Use another instruction set, for tests and diagnostics.");
   m.def("has_integer_units", &has_integer_units, "Whether this processor has instructions for 8-bit networks (VNNI).");
-  m.def("threads", &thread_count, "Threads that the kernels may use.");
-  m.def("set_threads", &set_thread_count, py::arg("n"), py::call_guard<py::gil_scoped_release>(),
-        "Set the number of threads, 1 to 256.");
-  m.def("stay_alone", &stay_alone, "Let kernels that the calling thread starts run on that thread alone from now on.");
+  m.def("default_threads", &default_thread_count, "Cores that this process may use, but at most 8.");
+  m.def("threads", &thread_count, "Threads that kernels called from this thread may use.");
+  m.def("set_threads", &set_thread_count, py::arg("n"), "Set that number for the calling thread, 1 to 256.");
 }
 
 void bind_rectification(py::module_& m) {
@@ -317,6 +325,8 @@ void bind_rectification(py::module_& m) {
       .def_property_readonly("valid_right", [](const Rectifier& r) { return valid_mask(r, r.valid_right()); });
   m.def("pack", &pack_arrays, arg("left").noconvert(), arg("right").noconvert(), arg("out_left").noconvert(),
         arg("out_right").noconvert(), arg("order"), "Rewrite an already rectified pair as padded planar RGB.");
+  m.def("same_pixels", &same_pixel_arrays, arg("left").noconvert(), arg("right").noconvert(),
+        "Whether two frames hold the same bytes.");
 }
 
 void bind_maps(py::module_& m) {
@@ -328,7 +338,7 @@ void bind_maps(py::module_& m) {
         arg("valid_right"), arg("min_confidence"), arg("out_depth") = py::none(), arg("out_sigma") = py::none(),
         arg("focal_px") = 0.0, arg("baseline_mm") = 0.0, arg("doffs") = 0.0, arg("min_depth_mm") = 0.0,
         arg("max_depth_mm") = std::numeric_limits<double>::infinity(), arg("image_scale_y") = 1.0,
-        arg("image_scale_x") = 1.0, arg("last_plane") = 0.0, arg("right_image") = py::none(),
+        arg("image_scale_x") = 1.0, arg("last_plane") = 0.0, arg("right_image") = py::none(), arg("same_frames") = false,
         "Fill the full-size maps of one frame; returns the number of usable pixels.");
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "threads.hpp"
 
@@ -15,17 +14,12 @@ int cell_of(int position, double cells, int count) {
   return std::min(static_cast<int>((position + 0.5) * cells), count - 1);
 }
 
-// Two cameras never give the same bytes: one of them was connected twice. Found out at the first byte that differs.
-bool same(const PlanarView& left, const PlanarView& right) {
-  return std::memcmp(left.data, right.data, size_t{3} * static_cast<size_t>(left.width) * static_cast<size_t>(left.height)) == 0;
-}
-
 int samples_of(int length) { return (length + step - 1) / step; }
 
 }  // namespace
 
 FloatView Agreement::supported(const FloatView& disparity, const FloatView& confidence, const PlanarView& left,
-                               const PlanarView& right, Size picture, Scale cells) {
+                               const PlanarView& right, Size picture, Scale cells, bool same_frames) {
   picture_ = picture;
   block_ = std::max(smallest_block, picture.width / blocks_per_width / step * step);
   blocks_ = {(picture.width + block_ - 1) / block_, (picture.height + block_ - 1) / block_};
@@ -44,7 +38,7 @@ FloatView Agreement::supported(const FloatView& disparity, const FloatView& conf
   const auto at_least = [&](Verdict least) {
     return std::count_if(verdicts_.begin(), verdicts_.end(), [&](Verdict v) { return v >= least; });
   };
-  belong_together_ = at_least(Verdict::strong) * strong_is_one_in >= at_least(Verdict::weak) && !same(left, right);
+  belong_together_ = !same_frames && at_least(Verdict::strong) * strong_is_one_in >= at_least(Verdict::weak);
   return without_unsupported(confidence, cells);
 }
 

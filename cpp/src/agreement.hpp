@@ -24,10 +24,11 @@ class Agreement {
   static constexpr int strong_is_one_in = 3;   // with fewer strong blocks the views do not belong together
 
   // The network's confidence, but 0 in blocks without support, and everywhere when the views do not belong together.
-  // `picture` is the part of both views that is no padding; `cells` counts grid cells per pixel of the views. The view
-  // that is returned is good until the next call.
+  // `picture` is the part of both views that is no padding; `cells` counts grid cells per pixel of the views. Views of
+  // the same frame never belong together: one camera was connected twice. The view that is returned is good until the
+  // next call.
   FloatView supported(const FloatView& disparity, const FloatView& confidence, const PlanarView& left,
-                      const PlanarView& right, Size picture, Scale cells);
+                      const PlanarView& right, Size picture, Scale cells, bool same_frames);
 
   // Of the latest pair.
   bool views_belong_together() const { return belong_together_; }

@@ -22,10 +22,8 @@ double milliseconds(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double, std::milli>(to - from).count();
 }
 
-SessionSettings with_threads(SessionSettings settings) {
-  // The kernels' threads belong to the process; the network's to this session.
-  if (settings.threads > 0) set_thread_count(settings.threads);
-  settings.threads = thread_count();
+EstimatorSettings with_threads(EstimatorSettings settings) {
+  if (settings.session.threads == 0) settings.session.threads = default_thread_count();
   return settings;
 }
 
@@ -67,9 +65,8 @@ class Estimator::Running {
 };
 
 Estimator::Estimator(const ModelFile& model, EstimatorSettings settings)
-    : settings_(std::move(settings)),
-      session_(Runtime::open(settings_.runtime_library, settings_.log), model, with_threads(settings_.session),
-               settings_.log) {}
+    : settings_(with_threads(std::move(settings))),
+      session_(Runtime::open(settings_.runtime_library, settings_.log), model, settings_.session, settings_.log) {}
 
 void Estimator::set_calibration(std::optional<Rig> rig) {
   const std::lock_guard lock(calls_);
@@ -122,6 +119,7 @@ FrameReport Estimator::predict(const FramePair& pair, const MapsOut& wanted) {
 
 FrameReport Estimator::compute(const FramePair& pair, const MapsOut& maps) {
   Frames& f = *frames_;
+  const ThreadCount threads(settings_.session.threads);
   const Running running(*this);
   const Clock::time_point started = Clock::now();
   f.stage(pair.left, pair.right, f.buffers.left(), f.buffers.right(), pair.order);
@@ -135,7 +133,7 @@ FrameReport Estimator::compute(const FramePair& pair, const MapsOut& maps) {
   }
   running.check();
   const Clock::time_point inferred = Clock::now();
-  const int answered = postprocess_frame(maps);
+  const int answered = postprocess_frame(maps, same_pixels(pair.left, pair.right));
   running.check();
   FrameReport report;
   report.rectify_ms = milliseconds(started, rectified);
@@ -145,7 +143,7 @@ FrameReport Estimator::compute(const FramePair& pair, const MapsOut& maps) {
   return report;
 }
 
-int Estimator::postprocess_frame(const MapsOut& maps) {
+int Estimator::postprocess_frame(const MapsOut& maps, bool same_frames) {
   Frames& f = *frames_;
   const Size frame = f.stage.frame();
   const Size picture = f.stage.picture();
@@ -161,6 +159,7 @@ int Estimator::postprocess_frame(const MapsOut& maps) {
   in.last_plane = session_.info().last_plane;
   in.left = f.buffers.left();
   in.right = f.buffers.right();
+  in.same_frames = same_frames;
   in.valid_left = f.stage.valid_left();
   in.valid_right = f.stage.valid_right();
   if (rig_) {
@@ -232,7 +231,7 @@ double Estimator::nearest_depth_mm() const {
   if (!rig_ || !frames_ || last_plane == 0) return std::numeric_limits<double>::quiet_NaN();
   const RectifiedGeometry& g = rig_->geometry();
   const double gain = static_cast<double>(frames_->stage.frame().width) / frames_->stage.picture().width;
-  const double farthest_apart = (last_plane - last_plane_margin) * gain + g.doffs();
+  const double farthest_apart = (last_plane - range_margin) * gain + g.doffs();
   return farthest_apart > 0.0 ? g.focal_px() * g.baseline_mm() / farthest_apart : std::numeric_limits<double>::quiet_NaN();
 }
 
@@ -251,7 +250,7 @@ std::string Estimator::diagnostics() const {
   report.text("endosdk", version_text()).raw("build", build_info());
   report.text("onnxruntime", session_.runtime().version()).text("onnxruntime_library", session_.runtime().path());
   report.text("onnxruntime_telemetry", session_.runtime().telemetry_on() ? "on: loaded by the host first" : "off");
-  report.text("provider", session_.provider()).count("threads", static_cast<uint64_t>(thread_count()));
+  report.text("provider", session_.provider()).count("threads", static_cast<uint64_t>(settings_.session.threads));
   report.text("kernels", kernels().name).raw("integer_units", has_integer_units() ? "true" : "false");
   report.raw("model", model);
   report.raw("calibration_sha256", rig_ ? json_string(rig_->sha256()) : "null");

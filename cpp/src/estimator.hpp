@@ -73,7 +73,7 @@ class Estimator {
 
   void make_frames(Size frame);
   FrameReport compute(const FramePair& pair, const MapsOut& maps);
-  int postprocess_frame(const MapsOut& maps);
+  int postprocess_frame(const MapsOut& maps, bool same_frames);
   void count(FrameReport& report);
   double nearest_depth_mm() const;  // before the end of the model's range; NaN where that is not known
 

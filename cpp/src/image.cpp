@@ -35,6 +35,15 @@ PlaneRows::PlaneRows(const PlanarView& out, ChannelOrder order, int y)
   }
 }
 
+bool same_pixels(const ImageView& left, const ImageView& right) {
+  if (left.width != right.width || left.height != right.height || left.channels != right.channels) return false;
+  const size_t bytes = static_cast<size_t>(left.width) * static_cast<size_t>(left.channels);
+  for (int y = 0; y < left.height; ++y) {
+    if (std::memcmp(left.row(y), right.row(y), bytes) != 0) return false;
+  }
+  return true;
+}
+
 void check_source(const ImageView& image, ChannelOrder order, const char* name) {
   const int channels = order == ChannelOrder::gray ? 1 : 3;
   require(image.channels == channels, name, Text("must have ", channels, " channels for this order"),

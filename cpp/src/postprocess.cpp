@@ -62,10 +62,14 @@ DepthLimits limits_of(const PostprocessInput& in) {
   DepthLimits limits{};
   limits.min_confidence = in.min_confidence;
   limits.disparity_end = in.last_plane > 0.0
-                             ? static_cast<float>((in.last_plane - last_plane_margin) * static_cast<double>(in.gain))
+                             ? static_cast<float>((in.last_plane - range_margin) * static_cast<double>(in.gain))
                              : std::numeric_limits<float>::infinity();
   limits.metric = g.focal_px > 0.0;
+  limits.disparity_begin = -std::numeric_limits<float>::infinity();
   if (limits.metric) {
+    // The other end of the range: with principal points apart, surfaces beyond focal * baseline / doffs lie at negative
+    // disparities, which come out at zero or a little above.
+    if (g.doffs > 0.0) limits.disparity_begin = static_cast<float>(range_margin * static_cast<double>(in.gain));
     limits.focal_baseline = static_cast<float>(g.focal_px * g.baseline_mm);
     limits.doffs = static_cast<float>(g.doffs);
     limits.min_depth = static_cast<float>(g.min_depth_mm);
@@ -110,7 +114,7 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
   if (input.right.data != nullptr) {
     const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
     confidence = scratch.agreement.supported(input.disparity, confidence, input.left, input.right,
-                                             picture_of(input, output), cells);
+                                             picture_of(input, output), cells, input.same_frames);
   }
   const DepthLimits limits = limits_of(input);
   std::atomic<int> usable{0};

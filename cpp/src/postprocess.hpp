@@ -19,9 +19,9 @@ struct DepthGeometry {
   double max_depth_mm = 0.0;  // may be infinite
 };
 
-// Surfaces nearer than the last plane come out at it or a little short of it, with high confidence. Answers this close to
-// it, in network pixels, cannot be told from theirs and count as out of range.
-constexpr double last_plane_margin = 0.5;
+// Surfaces beyond an end of the network's range come out at that end or a little inside, with high confidence. Answers
+// this close to it, in network pixels, cannot be told from theirs and count as out of range.
+constexpr double range_margin = 0.5;
 
 struct PostprocessInput {
   FloatView disparity;   // network pixels
@@ -32,6 +32,7 @@ struct PostprocessInput {
   double last_plane = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
   PlanarView left;  // as the network saw it, for saturation; no data: not tested
   PlanarView right;  // of the same size; no data: whether the views agree is not tested
+  bool same_frames = false;  // as the cameras gave them, see same_pixels(): then no answer is to be trusted
   Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;

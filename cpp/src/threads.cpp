@@ -9,24 +9,13 @@
 #include <mutex>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "errors.hpp"
 
 namespace endosdk {
 namespace {
 
-thread_local bool is_alone = false;
-
-int default_threads() {
-  constexpr int plenty = 8;  // beyond this the kernels wait for memory
-  cpu_set_t cores;
-  CPU_ZERO(&cores);
-  const int available = sched_getaffinity(0, sizeof(cores), &cores) == 0
-                            ? CPU_COUNT(&cores)
-                            : static_cast<int>(std::thread::hardware_concurrency());
-  return std::clamp(available, 1, plenty);
-}
+thread_local int wanted_threads = 0;  // 0: the default
 
 // One loop while it runs. Workers take blocks from a shared counter, so a slow or late worker costs little.
 struct Loop {
@@ -43,27 +32,19 @@ struct Loop {
   }
 };
 
+void run_alone(int count, int block, const LoopBody& body) {
+  for (int begin = 0; begin < count; begin += block) body(begin, std::min(begin + block, count), 0);
+}
+
 class Pool {
  public:
-  explicit Pool(int size) : size_(size) {}
-  ~Pool() { stop(); }
-
-  int size() const { return size_; }
-
-  void resize(int size) {
-    const std::lock_guard running(running_);
-    stop();
-    size_ = size;
-  }
-
   void run(int count, int block, const LoopBody& body, int workers) {
-    const int blocks = (count + block - 1) / block;
     const std::unique_lock running(running_, std::try_to_lock);
-    if (blocks < 2 || !running.owns_lock() || size_ == 1) {
-      for (int begin = 0; begin < count; begin += block) body(begin, std::min(begin + block, count), 0);
+    if (!running.owns_lock()) {
+      run_alone(count, block, body);
       return;
     }
-    start();
+    start(workers - 1);
     {
       const std::lock_guard lock(mutex_);
       loop_.body = &body;
@@ -83,29 +64,16 @@ class Pool {
   }
 
  private:
-  void start() {
-    while (static_cast<int>(workers_.size()) < size_ - 1) {
-      const int worker = static_cast<int>(workers_.size()) + 1;
-      workers_.emplace_back([this, worker, seen = generation_]() mutable { serve(worker, seen); });
+  void start(int workers) {
+    for (; started_ < workers; ++started_) {
+      std::thread([this, worker = started_ + 1, seen = generation_]() mutable { serve(worker, seen); }).detach();
     }
   }
 
-  void stop() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    wake_.notify_all();
-    for (std::thread& worker : workers_) worker.join();
-    workers_.clear();
-    stopping_ = false;
-  }
-
-  void serve(int worker, unsigned seen) {
+  [[noreturn]] void serve(int worker, unsigned seen) {
     std::unique_lock lock(mutex_);
     for (;;) {
-      wake_.wait(lock, [&] { return stopping_ || generation_ != seen; });
-      if (stopping_) return;
+      wake_.wait(lock, [&] { return generation_ != seen; });
       seen = generation_;
       if (!open_ || worker >= loop_.workers) continue;
       ++active_;
@@ -116,20 +84,18 @@ class Pool {
     }
   }
 
-  std::atomic<int> size_;
   std::mutex running_;  // held by the caller whose loop the workers serve
+  int started_ = 0;     // workers; guarded by running_
   std::mutex mutex_;    // guards everything below
   std::condition_variable wake_;
   std::condition_variable done_;
-  std::vector<std::thread> workers_;
   Loop loop_;
   unsigned generation_ = 0;
   int active_ = 0;     // workers inside the loop
   bool open_ = false;  // workers may still join the loop
-  bool stopping_ = false;
 };
 
-// Never destroyed: at exit the workers sleep and hold nothing, and joining them from a destructor could deadlock.
+// Never destroyed, and its workers never end: at exit they sleep and hold nothing, and joining them could deadlock.
 Pool* pool_instance = nullptr;
 std::mutex pool_mutex;
 
@@ -138,14 +104,14 @@ std::mutex pool_mutex;
 void before_fork() { pool_mutex.lock(); }
 void after_fork_parent() { pool_mutex.unlock(); }
 void after_fork_child() {
-  if (pool_instance != nullptr) pool_instance = new Pool(pool_instance->size());
+  if (pool_instance != nullptr) pool_instance = new Pool();
   pool_mutex.unlock();
 }
 
 Pool& pool() {
   const std::lock_guard lock(pool_mutex);
   if (pool_instance == nullptr) {
-    pool_instance = new Pool(default_threads());
+    pool_instance = new Pool();
     pthread_atfork(before_fork, after_fork_parent, after_fork_child);
   }
   return *pool_instance;
@@ -153,20 +119,29 @@ Pool& pool() {
 
 }  // namespace
 
-int thread_count() { return pool().size(); }
+int default_thread_count() {
+  constexpr int plenty = 8;  // beyond this the kernels wait for memory
+  cpu_set_t cores;
+  CPU_ZERO(&cores);
+  const int available = sched_getaffinity(0, sizeof(cores), &cores) == 0
+                            ? CPU_COUNT(&cores)
+                            : static_cast<int>(std::thread::hardware_concurrency());
+  return std::clamp(available, 1, plenty);
+}
+
+int thread_count() { return wanted_threads > 0 ? wanted_threads : default_thread_count(); }
 
 void set_thread_count(int count) {
   require(count >= 1 && count <= max_threads, "threads", "must be 1 to " + std::to_string(max_threads), count);
-  pool().resize(count);
+  wanted_threads = count;
 }
 
-void stay_alone() { is_alone = true; }
-
 void parallel_for(int count, int block, LoopBody body, int workers) {
-  if (is_alone) {
-    for (int begin = 0; begin < count; begin += block) body(begin, std::min(begin + block, count), 0);
+  const int threads = std::min(thread_count(), workers);
+  if (threads < 2 || count <= block) {
+    run_alone(count, block, body);
   } else {
-    pool().run(count, block, body, workers);
+    pool().run(count, block, body, threads);
   }
 }
 

@@ -2,7 +2,8 @@
 //
 // The caller of parallel_for works too; workers sleep while there is nothing to do and start with the first loop that
 // needs them. When the workers are busy with another caller's loop, a loop runs on its own caller alone, so callers
-// never wait for each other. After fork() the child starts workers of its own.
+// never wait for each other. How many threads a loop may use is the calling thread's own setting, so that two estimators
+// of one process do not decide for each other. After fork() the child starts workers of its own.
 #pragma once
 
 #include <memory>
@@ -10,16 +11,29 @@
 
 namespace endosdk {
 
-// Threads that a loop may use, the caller included.
+constexpr int max_threads = 256;
+
+// As many as the cores this process may use, but no more than keep the kernels busy.
+int default_thread_count();
+
+// Threads that a loop of the calling thread may use, itself included; default_thread_count() until it is set.
 int thread_count();
 
-// 1 to max_threads. Waits for a running loop to end.
-constexpr int max_threads = 256;
+// For the later loops of the calling thread, 1 to max_threads. With 1 they run on that thread alone.
 void set_thread_count(int count);
 
-// Makes every later loop of the calling thread run on that thread alone: for callers that compute several frames at a
-// time, one per thread.
-void stay_alone();
+// The same for as long as the object lives.
+class ThreadCount {
+ public:
+  explicit ThreadCount(int count) : before_(thread_count()) { set_thread_count(count); }
+  ~ThreadCount() { set_thread_count(before_); }
+
+  ThreadCount(const ThreadCount&) = delete;
+  ThreadCount& operator=(const ThreadCount&) = delete;
+
+ private:
+  int before_;
+};
 
 // A reference to the body of a loop; it is called as body(begin, end, worker) with worker below thread_count().
 class LoopBody {

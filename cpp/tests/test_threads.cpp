@@ -1,4 +1,5 @@
-// The pool under several callers while its size changes: for the thread sanitizer, and for answers that must add up.
+// The pool under several callers that want different numbers of threads: for the thread sanitizer, and for answers that
+// must add up.
 #include <atomic>
 #include <thread>
 #include <vector>
@@ -41,20 +42,32 @@ void test_loops_inside_loops() {
   CHECK(sum == 80);
 }
 
-void test_callers_and_changing_size() {
-  std::atomic<bool> stop{false};
+void test_callers_with_different_counts() {
   std::vector<std::thread> callers;
-  for (int caller = 0; caller < 3; ++caller) {
-    callers.emplace_back([] {
-      for (int repeat = 0; repeat < 300; ++repeat) test_every_index_once(50, 7);
+  for (int caller = 0; caller < 4; ++caller) {
+    callers.emplace_back([caller] {
+      for (int repeat = 0; repeat < 300; ++repeat) {
+        const int count = (caller + repeat) % 5 + 1;
+        const ThreadCount threads(count);
+        test_every_index_once(50, 7);
+        CHECK(thread_count() == count);
+      }
     });
   }
-  std::thread changer([&] {
-    for (int size = 1; !stop; size = size % 5 + 1) set_thread_count(size);
-  });
   for (std::thread& caller : callers) caller.join();
-  stop = true;
-  changer.join();
+}
+
+void test_each_thread_has_its_own_count() {
+  set_thread_count(3);
+  std::thread([] {
+    CHECK(thread_count() == default_thread_count());
+    {
+      const ThreadCount alone(1);
+      CHECK(thread_count() == 1);
+    }
+    CHECK(thread_count() == default_thread_count());
+  }).join();
+  CHECK(thread_count() == 3);
 }
 
 }  // namespace
@@ -67,7 +80,8 @@ int main() {
   }
   test_worker_limit();
   test_loops_inside_loops();
-  test_callers_and_changing_size();
+  test_callers_with_different_counts();
+  test_each_thread_has_its_own_count();
   CHECK(rejection([] { set_thread_count(0); }) == "threads: must be 1 to 256; got 0");
   return 0;
 }

@@ -22,10 +22,17 @@ _View = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
 
 def isa() -> _Isa: ...
 def set_isa(name: str) -> None: ...
-def threads() -> int: ...
-def set_threads(n: int) -> None: ...
-def stay_alone() -> None:
-    """Let kernels that the calling thread starts run on that thread alone from now on."""
+# Answers this close to an end of the network's range, px of the network, count as out of range.
+range_margin: float
+
+def default_threads() -> int:
+    """Return the number of cores that this process may use, but at most 8."""
+
+def threads() -> int:
+    """Return how many threads kernels called from this thread may use."""
+
+def set_threads(n: int) -> None:
+    """Set that number for the calling thread, 1 to 256."""
 
 def has_integer_units() -> bool:
     """Whether this processor has instructions for 8-bit networks (VNNI)."""
@@ -75,6 +82,9 @@ class Rectifier:
 def pack(left: _Bytes, right: _Bytes, out_left: _Bytes, out_right: _Bytes, order: _Order | str) -> None:
     """Rewrite an already rectified pair as padded planar RGB; arrays as for `Rectifier.rectify`."""
 
+def same_pixels(left: _Bytes, right: _Bytes) -> bool:
+    """Whether two frames, as for `Rectifier.rectify`, hold the same bytes."""
+
 def resize_bilinear(src: _Map, out: _Map, scale_y: float, scale_x: float, gain: float) -> None:
     """Resize with half-pixel centres and clamped edges, and multiply by ``gain``.
 
@@ -105,6 +115,7 @@ def postprocess(
     image_scale_x: float = 1.0,
     last_plane: float = 0.0,
     right_image: _Bytes | None = None,
+    same_frames: bool = False,
 ) -> int:
     """Fill the full-size maps of one frame and return the number of pixels with ``reasons == 0``.
 
@@ -112,5 +123,6 @@ def postprocess(
     output pixel takes the nearest (``image_scale``: image pixels per output pixel). Depth and sigma (mm) are NaN where
     a pixel has a reason; both need ``focal_px`` and ``baseline_mm``. Half a pixel before ``last_plane`` (px of the
     input; 0: not known) and beyond a pixel is out of range. With ``right_image``, of the shape of ``image``, confidence
-    becomes 0 where the two do not agree at the disparity found.
+    becomes 0 where the two do not agree at the disparity found, and everywhere with ``same_frames``: both cameras gave
+    the same bytes. With positive ``doffs`` a pixel is out of range below half a pixel of the input, too.
     """

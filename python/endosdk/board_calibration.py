@@ -16,6 +16,7 @@ Points = npt.NDArray[np.float64]
 
 # Three poses are the least that fix focal length and principal point; with fewer the solution is arbitrary.
 MIN_PAIRS = 3
+MIN_CORNERS = 3  # along each side, the least that OpenCV's detector takes
 STEPS, CHANGE = 100, 1e-7
 
 
@@ -37,6 +38,8 @@ def find_corners(picture: npt.NDArray[np.uint8], pattern: tuple[int, int]) -> Po
     """Return the inner corners [N,2] of a board with (columns, rows) of them, or None. Takes seconds at 1920x1080."""
     import cv2
 
+    if min(pattern) < MIN_CORNERS:
+        raise InvalidArgument("pattern", f"must be at least {MIN_CORNERS} x {MIN_CORNERS} inner corners", pattern)
     gray = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     found, corners = cv2.findChessboardCornersSB(gray, pattern, flags=cv2.CALIB_CB_ACCURACY)
     return np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else None

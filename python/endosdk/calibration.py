@@ -109,7 +109,9 @@ class StereoCalibration:
     ) -> StereoCalibration:
         """Describe pairs that are already rectified; the principal point defaults to the middle of the picture.
 
-        ``doffs`` is the right camera's cx minus the left camera's, in pixels.
+        ``doffs`` is the right camera's cx minus the left camera's, in pixels. Where it is positive, surfaces beyond
+        ``focal_px * baseline_mm / doffs`` have negative disparities; networks find none, and such pixels come out as
+        `Reason.OUT_OF_RANGE`. Raw pictures of such a rig, rectified by `DepthEstimator`, have no such end.
         """
         width, height = check_size("size", size)
         baseline = number("baseline_mm", baseline_mm)
@@ -266,6 +268,11 @@ class RectifiedGeometry:
     def focal_px(self) -> float:
         """Horizontal focal length of the rectified pair in pixels, the one that depth needs."""
         return float(self.P1[0, 0])
+
+    @property
+    def focal_y_px(self) -> float:
+        """Vertical focal length in pixels; it differs where pixels are not square, as in half-width video."""
+        return float(self.P1[1, 1])
 
     @property
     def baseline_mm(self) -> float:

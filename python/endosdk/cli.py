@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -23,7 +24,10 @@ VERBS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run ``endosdk``; the exit status is 0, 1 (the verb found a fault) or 2 (bad input)."""
+    """Run ``endosdk``; the exit status is 0, 1 (the verb found a fault) or 2 (bad input).
+
+    Like a program that a signal has ended it is 130 after Ctrl-C, and 141 when nobody reads the output any more.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
     verb = next((word for word in words if not word.startswith("-")), None)
     parser = argparse.ArgumentParser(prog="endosdk", description="Stereo depth for binocular endoscopes.")
@@ -35,10 +39,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
             importlib.import_module(f"endosdk.commands.{name}").configure(sub)
     options = parser.parse_args(words)
     try:
-        return int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
+        status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
+        sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
+        return status
     except EndoError as error:
         print(f"endosdk {options.verb}: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print(f"endosdk {options.verb}: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # Whoever read our output has enough. What is still in the buffer goes nowhere when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
 
 
 def bench() -> int:

@@ -10,14 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from endosdk import _core, telemetry
 from endosdk.calibration import RectifiedGeometry, StereoCalibration
 from endosdk.errors import InvalidArgument
+from endosdk.estimator_rules import check_order, check_range, check_share, check_size, check_threads
 from endosdk.models import ModelInfo, read_model
 from endosdk.postprocess import Limits, Maps, postprocess
-from endosdk.rectify import CHANNEL_ORDERS, Frame, RectifyStage, check_pair
+from endosdk.rectify import Frame, RectifyStage, check_pair
 from endosdk.result import DepthResult, Timings, status_of
-from endosdk.session import Buffers, StereoSession, padded
+from endosdk.session import PROVIDERS, Buffers, StereoSession, padded, provider_name
 from endosdk.stream import InFlight
 
 # Frames in flight on an accelerator: one is rectified while the network works on another.
@@ -30,6 +33,14 @@ class _Slot:
 
     stage: RectifyStage
     buffers: Buffers
+
+
+@dataclass(frozen=True)
+class _Rectified:
+    """What is known of a frame whose pictures lie ready for the network."""
+
+    milliseconds: float
+    same_frames: bool  # both cameras gave the same bytes
 
 
 @dataclass(frozen=True)
@@ -53,14 +64,16 @@ class DepthEstimator:
             frames must already be rectified and only disparity is returned.
         provider: ``cpu``, ``cuda``, ``tensorrt`` or the full name of an onnxruntime provider. One that is missing is an
             error; nothing falls back.
-        threads: processor threads for every stage; default is the number of cores this process may use.
+        threads: processor threads for every stage, 1 to 256; default is the number of cores this process may use, but
+            at most 8.
         channel_order: ``rgb`` or ``bgr``, the order of colour frames. Gray frames need none.
         network_size: (width, height) the network works at, px; smaller is faster and widens the range of disparities in
             px of the frame. Default: at most as wide as the model's ``usual_width``; for a model that names none, the
             size of the frames up to a width of 960, and 720 px wide for wider frames, whose disparities would lie
             beyond the range. All outputs keep the size of the frame.
-        min_confidence: below it a pixel has no answer, 0..1.
-        depth_range_mm: (nearest, farthest) depth that counts as an answer.
+        min_confidence: below it a pixel has no answer, 0..1. With 0 every pixel counts as trusted, those of a covered
+            camera too: `Status` then tells nothing.
+        depth_range_mm: (nearest, farthest) depth that counts as an answer; needs a calibration.
         spinning: let waiting threads of the network poll; False saves power and costs some latency.
 
     `predict` answers one pair with the least delay, `stream` a sequence of them at the highest rate. Both may be called
@@ -80,21 +93,23 @@ class DepthEstimator:
         depth_range_mm: tuple[float, float] = (0.0, math.inf),
         spinning: bool = True,
     ) -> None:
-        self._order = _check_order(channel_order)
-        limits = (_check_share("min_confidence", min_confidence), *_check_range(depth_range_mm))
-        self._network_size = None if network_size is None else _check_size(network_size)
-        self._threads = _check_threads(threads)
         if calibration is not None and not isinstance(calibration, StereoCalibration):
             raise InvalidArgument("calibration", "must be a StereoCalibration", type(calibration).__name__)
+        self._order = check_order(channel_order)
+        limits = (check_share("min_confidence", min_confidence), *check_range(depth_range_mm, calibration is not None))
+        self._network_size = None if network_size is None else check_size(network_size)
+        self._threads = check_threads(threads)
         self._calibration = calibration
         self._geometry = None if calibration is None else calibration.rectification()
-        integer_units = provider == "cpu" and _core.has_integer_units()
+        provider = provider_name(provider)
+        integer_units = provider == PROVIDERS["cpu"] and _core.has_integer_units()
         self._session = StereoSession(
             read_model(model, integer_units=integer_units), provider=provider, threads=self._threads, spinning=spinning
         )
         self._limits = Limits(*limits, self._session.info.last_plane)
         self._slot: _Slot | None = None  # of predict
         self._latest: _Slot | None = None
+        self._full_stage: RectifyStage | None = None  # of rectify
         self._frames = 0
         self._lock = threading.Lock()
 
@@ -129,6 +144,7 @@ class DepthEstimator:
         """
         left, right = check_pair(left, right)
         with self._lock:
+            _core.set_threads(self._threads)
             slot = self._prepared(left.shape[1], left.shape[0])
             maps = self._maps(out, slot.stage.frame_size)
             return self._result(self._infer(self._session, slot, maps, self._rectify(slot, left, right)))
@@ -149,13 +165,14 @@ class DepthEstimator:
                 then good until the next one is drawn.
 
         An error in ``source`` or in a frame is raised in its turn, after the results of the frames before it; it ends
-        the stream and leaves the estimator usable.
+        the stream and leaves the estimator usable. Leaving the loop, or closing the iterator, ends the stream too: what
+        is being computed is waited for, a source that does not answer is not.
 
         Raises:
             InvalidArgument: ``source`` is neither, or its frames are no pairs of one size.
         """
         if callable(source):
-            return self._stream(iter(source, None), reuse)
+            return self._stream(_drawn_from(source), reuse)
         if not isinstance(source, Iterable):
             raise InvalidArgument(
                 "source", "must yield pairs, or be a function that returns them", type(source).__name__
@@ -168,7 +185,7 @@ class DepthEstimator:
         ring: list[_Slot] = []  # one more than lanes: the consumer holds a result too
         maps: list[Maps] = []
 
-        def take(number: int, pair: tuple[Any, Any]) -> float:
+        def take(number: int, pair: tuple[Any, Any]) -> _Rectified:
             left, right = _checked_item(pair)
             size = left.shape[1], left.shape[0]
             if not ring:
@@ -181,31 +198,49 @@ class DepthEstimator:
                 raise InvalidArgument("source", f"must keep the frame size {slot.stage.frame_size}", size)
             return self._rectify(slot, left, right)
 
-        def compute(number: int, rectify_ms: float) -> _Answer:
+        def compute(number: int, rectified: _Rectified) -> _Answer:
             slot = ring[number % len(ring)]
             own = maps[number % len(maps)] if reuse else self._new_maps(slot.stage.frame_size)
-            return self._infer(session, slot, own, rectify_ms)
+            return self._infer(session, slot, own, rectified)
 
         for answer in InFlight(pairs, lanes, take, compute).results():
             with self._lock:
                 result = self._result(answer)
             yield result
 
-    def _rectify(self, slot: _Slot, left: Frame, right: Frame) -> float:
-        """Write the network's pictures and return the time it took, ms."""
+    def _rectify(self, slot: _Slot, left: Frame, right: Frame) -> _Rectified:
+        """Write the network's pictures."""
         started = time.perf_counter()
         slot.stage(left, right, slot.buffers.left, slot.buffers.right, self._order)
-        return 1e3 * (time.perf_counter() - started)
+        same = _core.same_pixels(left, right)
+        return _Rectified(1e3 * (time.perf_counter() - started), same)
 
-    def _infer(self, session: StereoSession, slot: _Slot, maps: Maps, rectify_ms: float) -> _Answer:
+    def _infer(self, session: StereoSession, slot: _Slot, maps: Maps, rectified: _Rectified) -> _Answer:
         """Run the network on rectified pictures and fill the maps."""
         started = time.perf_counter()
         session.run(slot.buffers)
         inferred = time.perf_counter()
-        answered = postprocess(slot.buffers, slot.stage, self._geometry, self._limits, maps)
+        answered = postprocess(slot.buffers, slot.stage, self._geometry, self._limits, maps, rectified.same_frames)
         finished = time.perf_counter()
-        timings = Timings(rectify_ms, 1e3 * (inferred - started), 1e3 * (finished - inferred))
+        timings = Timings(rectified.milliseconds, 1e3 * (inferred - started), 1e3 * (finished - inferred))
         return _Answer(slot, maps, answered, timings)
+
+    def rectify(self, left: Any, right: Any) -> tuple[Frame, Frame]:
+        """Return a pair's rectified pictures at the size of the frame: RGB uint8 [H, W, 3] each.
+
+        Every map of the pair's result lies over the left one. Frames as `predict` takes them; what the network is shown
+        is smaller as a rule, see `rectified_pair`.
+        """
+        left, right = check_pair(left, right)
+        height, width = left.shape[:2]
+        views = np.empty((2, 3, height, width), np.uint8)
+        with self._lock:
+            _core.set_threads(self._threads)
+            if self._full_stage is None or self._full_stage.frame_size != (width, height):
+                self._full_stage = RectifyStage((width, height), self._calibration, (width, height))
+            self._full_stage(left, right, views[0], views[1], self._order)
+        rectified_left, rectified_right = (np.ascontiguousarray(view.transpose(1, 2, 0)) for view in views)
+        return rectified_left, rectified_right
 
     def rectified_pair(self) -> tuple[Frame, Frame]:
         """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each."""
@@ -257,10 +292,18 @@ class DepthEstimator:
         """Return the maps of an earlier result, or new ones."""
         if out is None:
             return self._new_maps(size)
+        if not isinstance(out, DepthResult):
+            raise InvalidArgument("out", "must be a DepthResult of this estimator", type(out).__name__)
         width, height = size
-        if out.disparity.shape != (height, width) or (out.depth_map is None) != (self._geometry is None):
-            raise InvalidArgument("out", f"must be a result of this estimator, {height, width}", out.disparity.shape)
-        return Maps(out.disparity, out.confidence, out.reasons, out.depth_map, out.sigma_map)
+        if out.disparity.shape != (height, width):
+            raise InvalidArgument("out", f"must be of frames of this size, {height, width}", out.disparity.shape)
+        if (out.depth_map is None) != (self._geometry is None):
+            has = "with" if self._geometry is not None else "without"
+            raise InvalidArgument("out", f"must be of an estimator {has} a calibration, as this one", "the other kind")
+        maps = Maps(out.disparity, out.confidence, out.reasons, out.depth_map, out.sigma_map)
+        if not maps.writeable:
+            raise InvalidArgument("out", "must have maps that can be written", "read-only maps")
+        return maps
 
     def _result(self, answer: _Answer) -> DepthResult:
         """Count a frame that is done and give its maps to the user."""
@@ -290,36 +333,7 @@ def _checked_item(item: Any) -> tuple[Frame, Frame]:
     return check_pair(*item)
 
 
-def _check_order(order: str) -> str:
-    if order not in CHANNEL_ORDERS:
-        raise InvalidArgument("channel_order", f"must be one of {', '.join(CHANNEL_ORDERS)}", repr(order))
-    return order
-
-
-def _check_share(name: str, value: float) -> float:
-    if not 0.0 <= value <= 1.0:
-        raise InvalidArgument(name, "must lie in 0..1", value)
-    return float(value)
-
-
-def _check_range(depth_range_mm: tuple[float, float]) -> tuple[float, float]:
-    low, high = depth_range_mm
-    if not 0.0 <= low < high:
-        raise InvalidArgument("depth_range_mm", "must be (nearest, farthest) with 0 <= nearest < farthest", (low, high))
-    return float(low), float(high)
-
-
-def _check_size(size: tuple[int, int]) -> tuple[int, int]:
-    width, height = size
-    if width < 1 or height < 1 or int(width) != width or int(height) != height:
-        raise InvalidArgument("network_size", "must be (width, height) in whole pixels", size)
-    return int(width), int(height)
-
-
-def _check_threads(threads: int | None) -> int:
-    if threads is None:
-        return _core.threads()
-    if int(threads) != threads or threads < 1:
-        raise InvalidArgument("threads", "must be a positive whole number", threads)
-    _core.set_threads(int(threads))
-    return int(threads)
+def _drawn_from(function: Callable[[], tuple[Any, Any] | None]) -> Iterator[tuple[Any, Any]]:
+    # Not iter(function, None), which would compare what the function returns, an array perhaps, with None.
+    while (pair := function()) is not None:
+        yield pair

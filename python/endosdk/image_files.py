@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.picture import overview
+from endosdk.point_cloud import write_ply
 from endosdk.result import DepthResult
 
 
@@ -19,9 +20,12 @@ def read_frame(path: str | Path) -> npt.NDArray[np.uint8]:
     path = Path(path)
     if not path.is_file():
         raise InvalidArgument("frame", "must be a picture file", repr(str(path)))
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    # As deep as it is stored: OpenCV would otherwise cut 16 bits down to 8, and with them most of a 12-bit camera's.
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     if picture is None:
         raise InvalidArgument("frame", "must be a picture that OpenCV can read", repr(str(path)))
+    if picture.dtype != np.uint8:
+        raise InvalidArgument("frame", "must have 8 bits per channel", f"{picture.dtype} in {str(path)!r}")
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
@@ -38,7 +42,9 @@ def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthR
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
     ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit whole millimetres; both 0 where there is no value.
-    ``depth.npy`` keeps the float32 millimetres. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits.
+    ``depth.npy`` keeps the float32 millimetres, ``points.ply`` the same as coloured points. ``confidence.png`` is
+    8-bit, times 255; ``reasons.png`` holds the bits. ``left`` is the rectified left view, RGB uint8 [H, W, 3] like the
+    maps.
     """
     folder = Path(folder)
     try:
@@ -58,8 +64,13 @@ def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthR
         write_picture(folder / name, picture)
         written[name] = folder / name
     if result.depth_map is not None:
-        np.save(folder / "depth.npy", result.depth_map)
         written["depth.npy"] = folder / "depth.npy"
+        try:
+            np.save(written["depth.npy"], result.depth_map)
+        except OSError as error:
+            raise StorageFailed("out", "must be writable", error) from error
+        written["points.ply"] = folder / "points.ply"
+        write_ply(written["points.ply"], result.points(), left)
     return written
 
 

@@ -35,6 +35,12 @@ class Maps:
         reasons = np.empty((height, width), np.uint8)
         return cls(floats(), floats(), reasons, floats() if metric else None, floats() if metric else None)
 
+    @property
+    def writeable(self) -> bool:
+        """Whether all maps can be written."""
+        maps = (self.disparity, self.confidence, self.reasons, self.depth, self.sigma)
+        return all(each.flags.writeable for each in maps if each is not None)
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -47,9 +53,17 @@ class Limits:
 
 
 def postprocess(
-    found: Buffers, stage: RectifyStage, geometry: RectifiedGeometry | None, limits: Limits, out: Maps
+    found: Buffers,
+    stage: RectifyStage,
+    geometry: RectifiedGeometry | None,
+    limits: Limits,
+    out: Maps,
+    same_frames: bool,
 ) -> int:
-    """Fill ``out`` from the buffers of a run and return the number of pixels that have an answer."""
+    """Fill ``out`` from the buffers of a run and return the number of pixels that have an answer.
+
+    With ``same_frames`` both cameras gave the same bytes: one of them is connected twice, and nothing is an answer.
+    """
     height, width = out.disparity.shape
     # Relative to the picture without its padding, which the grids include.
     scale_y, scale_x = stage.size[1] / height, stage.size[0] / width
@@ -78,4 +92,5 @@ def postprocess(
         scale_x,
         limits.last_plane or 0,
         found.right,
+        same_frames,
     )

@@ -22,7 +22,7 @@ class Reason(IntFlag):
     LOW_CONFIDENCE = 1  # the network does not trust its own answer, or the two views do not agree on it
     OCCLUDED = 2  # a nearer surface covers the match in the right view
     OUTSIDE_OVERLAP = 4  # the right camera does not see this point, or the lens map has no source pixel
-    OUT_OF_RANGE = 8  # no finite positive depth, one outside the range asked for, or nearer than the network can find
+    OUT_OF_RANGE = 8  # no finite positive depth, one outside the range asked for, or one that the network cannot find
     SATURATED = 16  # all three colours of the left view are blown out: glare
 
 
@@ -48,7 +48,7 @@ class Timings:
         return self.rectify_ms + self.session_ms + self.postprocess_ms
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DepthResult:
     """Answer for one stereo pair, all maps [H, W] at the size of the rectified left view.
 
@@ -92,7 +92,7 @@ class DepthResult:
             raise _no_calibration("points")
         rows, columns = np.indices(depth.shape, dtype=np.float32)
         x = (columns - np.float32(self.geometry.cx)) * depth / np.float32(self.geometry.focal_px)
-        y = (rows - np.float32(self.geometry.cy)) * depth / np.float32(self.geometry.focal_px)
+        y = (rows - np.float32(self.geometry.cy)) * depth / np.float32(self.geometry.focal_y_px)
         return np.stack([x, y, depth], axis=-1)
 
 

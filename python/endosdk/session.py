@@ -80,7 +80,7 @@ class StereoSession:
         runtime = load_runtime()
         self._model, self._threads = model, threads
         self.runtime_version: str = runtime.__version__
-        self.provider = _provider_name(provider, runtime.get_available_providers())
+        self.provider = _installed(provider_name(provider), runtime.get_available_providers())
         options = _session_options(runtime, self.provider, threads, spinning)
         try:
             self._session = runtime.InferenceSession(model.data, options, providers=[self.provider])
@@ -132,12 +132,19 @@ def _is_installed(distribution: str) -> bool:
     return True
 
 
-def _provider_name(provider: str, available: list[str]) -> str:
-    name = PROVIDERS.get(provider.lower(), provider)
+def provider_name(provider: str) -> str:
+    """Return the runtime's own name of a provider; both kinds of name are taken, in capitals or not."""
+    if not isinstance(provider, str):
+        raise InvalidArgument("provider", "must be the name of a provider", repr(provider))
+    own = {name.lower(): name for name in PROVIDERS.values()}
+    return PROVIDERS.get(provider.lower()) or own.get(provider.lower(), provider)
+
+
+def _installed(name: str, available: list[str]) -> str:
     if name not in available:
         known = ", ".join([*PROVIDERS, *(p for p in available if p not in PROVIDERS.values())])
         raise ProviderUnavailable(
-            "provider", f"must be one of {known} and be installed here (installed: {', '.join(available)})", provider
+            "provider", f"must be one of {known} and be installed here (installed: {', '.join(available)})", name
         )
     return name
 

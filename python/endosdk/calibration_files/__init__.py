@@ -45,6 +45,8 @@ def load(
 
 def save(calibration: StereoCalibration, path: str | Path) -> None:
     """Write a calibration as endosdk JSON, whole or not at all. Raises `StorageFailed`."""
+    if not isinstance(path, str | Path):
+        raise InvalidArgument("path", "must be a file name", repr(path))
     native.write(calibration, Path(path))
 
 
@@ -54,8 +56,11 @@ def recognise(paths: tuple[Path, ...]) -> str:
     if first.is_dir():
         return "text"
     text = read_text(first)
+    if native.looks_like(text):
+        return "endosdk"
     if first.suffix.lower() == ".json":
-        return _recognise_json(first, text)
+        _check_json(first, text)
+        return "opencv"
     if opencv.is_file_storage(first, text):
         return "opencv"
     if foundationstereo.looks_like(text):
@@ -67,12 +72,11 @@ def recognise(paths: tuple[Path, ...]) -> str:
     raise CalibrationUnreadable(first.name, f"must be in a known layout ({', '.join(LAYOUTS)})", f"keys {list(keys)}")
 
 
-def _recognise_json(path: Path, text: str) -> str:
+def _check_json(path: Path, text: str) -> None:
     try:
-        content = json.loads(text)
+        json.loads(text)
     except ValueError as error:
         raise CalibrationUnreadable(path.name, "must be valid JSON", error) from error
-    return "endosdk" if isinstance(content, dict) and content.get("format") == native.FORMAT else "opencv"
 
 
 def _existing_paths(path: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:

@@ -34,6 +34,11 @@ FORMAT = "endosdk-stereo-calibration"
 VERSION = 1
 
 
+def looks_like(text: str) -> bool:
+    """Whether the text of a file is in this layout, whatever the file is called."""
+    return text.lstrip().startswith("{") and f'"{FORMAT}"' in text
+
+
 def read(
     paths: tuple[Path, ...], *, size: tuple[int, int] | None = None, units: str | None = None
 ) -> StereoCalibration:

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         result = estimator.predict(left, right, out=result)
         totals.append(result.timings.total_ms)
     print("\r" + " " * 40 + "\r", end="")
-    view, other = estimator.rectified_pair()
+    view, other = estimator.rectify(left, right)
     files = write_result(args.out, view, result)
     print(f"model      {result.model.name} {result.model.version} on {estimator.diagnostics()['provider']}")
     _print_maps(result)

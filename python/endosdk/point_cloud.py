@@ -1,0 +1,48 @@
+"""Points of a depth map as a PLY file, which viewers of point clouds read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk.errors import InvalidArgument, StorageFailed
+
+
+def write_ply(path: str | Path, points: npt.NDArray[np.float32], colours: npt.NDArray[np.uint8] | None = None) -> int:
+    """Write the points that are numbers, binary little-endian, and return how many there are.
+
+    ``points`` is float32 [H, W, 3] as `DepthResult.points` gives them, mm; ``colours`` RGB uint8 [H, W, 3], such as the
+    left view of `DepthEstimator.rectify`. Raises `InvalidArgument` where they do not match and `StorageFailed`.
+    """
+    if points.ndim != 3 or points.shape[2] != 3:
+        raise InvalidArgument("points", "must be [H, W, 3]", points.shape)
+    if colours is not None and (colours.shape != points.shape or colours.dtype != np.uint8):
+        raise InvalidArgument("colours", f"must be uint8 {points.shape}", (colours.dtype, colours.shape))
+    known = np.isfinite(points).all(axis=2)
+    fields = [(axis, "<f4") for axis in "xyz"]
+    if colours is not None:
+        fields += [(name, "u1") for name in ("red", "green", "blue")]
+    vertices = np.empty(np.count_nonzero(known), fields)
+    for i, axis in enumerate("xyz"):
+        vertices[axis] = points[..., i][known]
+    if colours is not None:
+        for i, name in enumerate(("red", "green", "blue")):
+            vertices[name] = colours[..., i][known]
+    kinds = {"<f4": "float", "u1": "uchar"}
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment x right, y down, z forward from the rectified left camera, mm",
+        f"element vertex {vertices.size}",
+        *(f"property {kinds[kind]} {name}" for name, kind in fields),
+        "end_header",
+    ]
+    try:
+        with Path(path).open("wb") as file:
+            file.write(("\n".join(header) + "\n").encode("ascii"))
+            vertices.tofile(file)
+    except OSError as error:
+        raise StorageFailed("path", "must be writable", error) from error
+    return int(vertices.size)
