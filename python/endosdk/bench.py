@@ -6,6 +6,7 @@ import itertools
 import json
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.baseline import SgbmBaseline, fill_holes
+from endosdk.calibration import StereoCalibration
 from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
 from endosdk.estimator import DepthEstimator
 from endosdk.machine import machine_record
 from endosdk.metrics import end_point_error
 from endosdk.rectify import RectifyStage
-from endosdk.samples import RawPair, sample_pairs, sample_rig
+from endosdk.samples import RawPair, sample_pairs
 
 Picture = npt.NDArray[np.uint8]
 
@@ -50,11 +52,16 @@ class BenchSettings:
 
 
 def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
-    """Run the benchmark and return its record (see the README of ``benchmarks`` for every key)."""
+    """Run the benchmark and return its record (see the README of ``benchmarks`` for every key).
+
+    ``window`` is the part of the shipped pairs, (x, y, width, height) in px, that was resized to ``size``: the frames
+    of another rig, with whose rectified truth ``epe_px`` is measured.
+    """
     for name, value in (("frames", settings.frames), ("warmup", settings.warmup)):
         if value < 1:
             raise InvalidArgument(name, "must be at least 1", value)
-    pairs = [pair.resized(*settings.size) for pair in sample_pairs()]
+    shipped = sample_pairs()
+    pairs = [pair.resized(*settings.size) for pair in shipped]
     # All shipped pairs come from one rig, so one estimator serves them all.
     estimator = DepthEstimator(
         settings.model,
@@ -67,7 +74,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
     sgbm = _Sgbm(pairs, settings) if settings.against == "sgbm" else None
     frames, streamed = _time_in_turns(estimator, sgbm, pairs, settings)
     total = [frame[0] for frame in frames]
-    startup, memory = _fresh_process(settings)
+    startup, memory = _fresh_process(settings, pairs[0].calibration)
     return {
         "command": _command(settings),
         "model": {
@@ -76,6 +83,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
             "sha256": estimator.model.sha256,
         },
         "size": list(settings.size),
+        "window": list(shipped[0].window(*settings.size)),
         "network_size": list(estimator.diagnostics()["network_size"]),
         "provider": estimator.diagnostics()["provider"],
         "frames": settings.frames,
@@ -170,14 +178,13 @@ def _time_stream(estimator: DepthEstimator, pairs: list[RawPair], warmup: int, c
     return time.perf_counter() - started
 
 
-def _fresh_process(settings: BenchSettings) -> tuple[float, float]:
+def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[float, float]:
     """Seconds from the import to the first answer in a fresh process (median of three), and its peak memory, MB."""
     width, height = settings.size
     program = (
         "import time; begun = time.perf_counter()\n"
         "import sys, endosdk, numpy\n"
         "rig = endosdk.StereoCalibration.load(sys.argv[3])\n"
-        f"rig = rig.scaled({width}, {height})\n"
         f"frame = numpy.zeros(({height}, {width}, 3), numpy.uint8)\n"
         "estimator = endosdk.DepthEstimator(sys.argv[1], calibration=rig, provider=sys.argv[2], "
         f"threads={settings.threads}, network_size={settings.network_size})\n"
@@ -185,8 +192,11 @@ def _fresh_process(settings: BenchSettings) -> tuple[float, float]:
         "import resource\n"
         "print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
     )
-    command = [sys.executable, "-c", program, settings.model, settings.provider, str(sample_rig())]
-    runs = [subprocess.run(command, capture_output=True, check=True, text=True).stdout.split() for _ in range(3)]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rig.json"
+        rig.save(file)
+        command = [sys.executable, "-c", program, settings.model, settings.provider, str(file)]
+        runs = [subprocess.run(command, capture_output=True, check=True, text=True).stdout.split() for _ in range(3)]
     return sorted(float(seconds) for seconds, _ in runs)[1], max(float(memory) for _, memory in runs)
 
 
