@@ -1,3 +1,4 @@
+import hashlib
 import json
 
 import numpy as np
@@ -55,7 +56,7 @@ def test_a_model_and_the_rival_on_the_same_planes(planes):
     reader = open_dataset(planes, "test")
     ours = evaluate(estimator_method(str(TINY_MODEL)), reader)
     rival = evaluate(sgbm_method(filled=True), reader)
-    sparse = evaluate(sgbm_method(filled=False), reader, limit=2)
+    sparse = evaluate(sgbm_method(filled=False), reader, pairs=2)
     assert ours["non_occluded"]["epe_px"] < 1.0
     assert ours["all"]["coverage"] == rival["all"]["coverage"] == 1.0
     assert rival["non_occluded"]["epe_px"] < 1.0
@@ -63,9 +64,36 @@ def test_a_model_and_the_rival_on_the_same_planes(planes):
     assert sparse["all"]["coverage"] < 1.0
 
 
-def test_no_pair_is_refused(planes):
-    with pytest.raises(errors.InvalidArgument, match="limit"):
-        evaluate(sgbm_method(filled=True), open_dataset(planes, "test"), limit=0)
+def test_no_pair_is_refused(planes, capsys):
+    with pytest.raises(errors.InvalidArgument, match="pairs: must be at least 1; got 0"):
+        evaluate(sgbm_method(filled=True), open_dataset(planes, "test"), pairs=0)
+    assert main(["evaluate", "--model", "sgbm", "--data", str(planes), "--split", "train"]) == 2
+    assert "data: must have pairs in its split train; got none in planes" in capsys.readouterr().err
+
+
+def flat_set(root, disparity, occluded):
+    """Write a set of one pair with this truth everywhere, seen by the left camera alone or by both."""
+    left, right = shifted_pair(96, 256, 8)
+    truth, occlusion = np.full((96, 256), disparity, np.float32), np.full((96, 256), occluded)
+    sample = Sample("000", left, right, truth, None, occlusion, focal_px=200.0, baseline_mm=5.0)
+    samples = {"train": {}, "test": {"000": write_sample(root, "test", sample)}}
+    write_record(root, {"format_version": 1, "name": "flat", "samples": samples})
+
+
+def test_a_set_without_truth_is_named(tmp_path, capsys):
+    flat_set(tmp_path, np.nan, False)
+    assert main(["evaluate", "--model", "sgbm", "--data", str(tmp_path)]) == 2
+    assert (
+        "dataset: must have truth in its split test; got none in 1 pairs [DATASET_INVALID]" in capsys.readouterr().err
+    )
+
+
+def test_a_region_in_which_no_pixel_counts_is_told(tmp_path, capsys):
+    flat_set(tmp_path, 8.0, True)
+    assert main(["evaluate", "--model", "sgbm", "--data", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "non_occluded  no pixel counted: 0 with truth" in told
+    assert "all           EPE" in told
 
 
 def test_command_prints_and_writes(planes, tmp_path, capsys):
@@ -87,6 +115,29 @@ def test_command_prints_and_writes(planes, tmp_path, capsys):
     height, width = sample.left.shape[:2]
     assert shown.shape[0] > 2 * height and shown.shape[1] > 2 * width
     assert np.array_equal(shown[34 : 34 + height, 12 : 12 + width], sample.left)
+
+
+def test_record_repeats_the_run_and_names_the_model(planes, tmp_path):
+    options = ["--pairs", "1", "--network-size", "128x96", "--provider", "cpu", "--threads", "1"]
+    given = ["evaluate", "--model", str(TINY_MODEL), "--data", str(planes), *options]
+    assert main([*given, "--out", str(tmp_path)]) == 0
+    record = json.loads((tmp_path / "scores.json").read_text())
+    wanted = ["endosdk", "evaluate", "--model", TINY_MODEL.name, "--data", planes.name]
+    assert record["command"].split() == [*wanted, "--layout", "endosdk", "--split", "test", *options]
+    assert record["model"]["sha256"] == hashlib.sha256(TINY_MODEL.read_bytes()).hexdigest()
+    assert set(record["model"]) == {"name", "version", "sha256"}
+
+
+@pytest.mark.parametrize(("option", "value"), [("--network-size", "64x64"), ("--provider", "cuda"), ("--threads", "1")])
+def test_what_the_rival_has_no_use_for_is_refused(option, value, planes, capsys):
+    assert main(["evaluate", "--model", "sgbm", "--data", str(planes), option, value]) == 2
+    name = option[2:].replace("-", "_")
+    assert f"{name}: is for models; leave it out with sgbm; got {value}" in capsys.readouterr().err
+
+
+def test_wrong_options_are_told_before_data_is_read(capsys):
+    assert main(["evaluate", "--model", str(TINY_MODEL), "--data", "nowhere", "--threads", "0"]) == 2
+    assert "threads" in capsys.readouterr().err
 
 
 def test_command_reads_a_public_layout_and_its_own_split(tmp_path, capsys):

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from endosdk.baseline import SgbmBaseline, SgbmSettings, fill_holes
 from endosdk.calibration import StereoCalibration
 from endosdk.dataset import DatasetReader, Sample
-from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.estimator import DepthEstimator
 from endosdk.image_files import write_picture
 from endosdk.picture import error_overview
@@ -40,15 +40,23 @@ class Answer:
 Method = Callable[[Sample], Answer]
 
 
-def evaluate(method: Method, reader: DatasetReader, limit: int | None = None) -> dict[str, Any]:
-    """Run ``method`` over the first ``limit`` pairs (default: all).
+def require_pairs(reader: DatasetReader) -> None:
+    """Raise InvalidArgument, naming the split, when there is no pair in it."""
+    if len(reader) == 0:
+        raise InvalidArgument("data", f"must have pairs in its split {reader.split}", f"none in {reader.name}")
+
+
+def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) -> dict[str, Any]:
+    """Run ``method`` over the first ``pairs`` pairs (default: all).
 
     Returns the pooled measures of `ScoreBoard` for ``all`` and ``non_occluded`` pixels, the median time and ``worst``:
-    id, index and error of the ten pairs with the largest error (None where a pair got no answer at all).
+    id, index and error of the ten pairs with the largest error (None where a pair got no answer at all). Raises
+    InvalidArgument when there is no pair, DatasetInvalid when none has truth.
     """
-    count = len(reader) if limit is None else min(limit, len(reader))
-    if count < 1:
-        raise InvalidArgument("limit", "must leave at least one pair", limit)
+    require_pairs(reader)
+    if pairs is not None and pairs < 1:
+        raise InvalidArgument("pairs", "must be at least 1", pairs)
+    count = len(reader) if pairs is None else min(pairs, len(reader))
     board, times, errors = ScoreBoard(), [], []
     started = time.perf_counter()
     for index in range(count):
@@ -67,9 +75,12 @@ def evaluate(method: Method, reader: DatasetReader, limit: int | None = None) ->
         errors.append((_pair_error(answer, sample), sample.id, index))
         times.append(answer.milliseconds)
         _progress(index + 1, count, time.perf_counter() - started)
+    measures = board.result()
+    if not measures["all"]["pixels"]:
+        raise DatasetInvalid("dataset", f"must have truth in its split {reader.split}", f"none in {count} pairs")
     ranked = sorted(errors, reverse=True)[:WORST_PAIRS]
     worst = [{"id": name, "index": index, "epe_px": _finite(error)} for error, name, index in ranked]
-    return {**board.result(), "ms_median": float(np.median(times)), "worst": worst}
+    return {**measures, "ms_median": float(np.median(times)), "worst": worst}
 
 
 def write_worst(method: Method, reader: DatasetReader, scores: dict[str, Any], folder: Path) -> list[Path]:

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from endosdk.dataset import DatasetReader
+    from endosdk.evaluation import Method
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,18 +38,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate and print a table."""
     from endosdk.bench import write_record
-    from endosdk.commands.sizes import parse_size
     from endosdk.dataset_layouts import open_dataset, usual_split
-    from endosdk.evaluation import estimator_method, evaluate, sgbm_method, write_worst
+    from endosdk.evaluation import evaluate, write_worst
     from endosdk.machine import machine_record
 
+    method, model = _sgbm(args) if args.model == "sgbm" else _estimator(args)
     split = args.split or usual_split(args.layout)
     reader = open_dataset(args.data, split, layout=args.layout)
-    if args.model == "sgbm":
-        method = sgbm_method(filled=True)
-    else:
-        size = parse_size(args.network_size) if args.network_size else None
-        method = estimator_method(args.model, provider=args.provider, threads=args.threads, network_size=size)
     scores = evaluate(method, reader, args.pairs)
     for region in ("all", "non_occluded"):
         if region in scores:
@@ -52,16 +52,58 @@ def run(args: argparse.Namespace) -> int:
     print(f"time          {scores['ms_median']:.1f} ms a pair (median)")
     if args.out:
         pictures = write_worst(method, reader, scores, args.out / "worst")
-        options = f"--layout {args.layout} --split {split}"
-        command = f"endosdk evaluate --model {args.model} --data {reader.root.name} {options}"
-        data = {"name": reader.name, "layout": args.layout, "split": split, "sha256": reader.sha256}
-        record = {"command": command, "data": data, "scores": scores, "machine": machine_record()}
+        record = {
+            "command": _command(args, reader),
+            "model": model,
+            "data": {"name": reader.name, "layout": args.layout, "split": split, "sha256": reader.sha256},
+            "scores": scores,
+            "machine": machine_record(),
+        }
         write_record(args.out / "scores.json", record)
         print(f"written       {args.out / 'scores.json'} and {len(pictures)} pictures in {args.out / 'worst'}")
     return 0
 
 
+def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
+    from endosdk.commands.sizes import parse_size
+    from endosdk.estimator import DepthEstimator
+    from endosdk.evaluation import estimator_method
+
+    options = {
+        "provider": args.provider,
+        "threads": args.threads,
+        "network_size": parse_size(args.network_size) if args.network_size else None,
+    }
+    # Loaded once before any data is read: a wrong option is told at once, and the record names the model that runs,
+    # which is another than the one asked for where the processor lacks instructions.
+    info = DepthEstimator(args.model, **options).model
+    return estimator_method(args.model, **options), {"name": info.name, "version": info.version, "sha256": info.sha256}
+
+
+def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
+    from endosdk.errors import InvalidArgument
+    from endosdk.evaluation import sgbm_method
+
+    for name, usual in (("network_size", None), ("provider", "cpu"), ("threads", None)):
+        if getattr(args, name) != usual:
+            raise InvalidArgument(name, "is for models; leave it out with sgbm", getattr(args, name))
+    return sgbm_method(filled=True), {"name": "sgbm"}
+
+
+def _command(args: argparse.Namespace, reader: DatasetReader) -> str:
+    """Return the command that measures the same again; of files only their names: no private paths."""
+    words = ["endosdk", "evaluate", "--model", Path(args.model).name, "--data", reader.root.resolve().name]
+    words += ["--layout", args.layout, "--split", reader.split]
+    for name in ("pairs", "network_size", "provider", "threads"):
+        if getattr(args, name) is not None:
+            words += ["--" + name.replace("_", "-"), str(getattr(args, name))]
+    return shlex.join(words)
+
+
 def _print_region(name: str, measures: dict[str, Any]) -> None:
+    if not measures["answered"]:
+        print(f"{name:13} no pixel counted: {measures['pixels']} with truth, none of them answered")
+        return
     shares = ", ".join(f"{100 * measures[f'kpe_{k}']:.2f} % over {k} px" for k in (1, 2, 3, 5))
     print(f"{name:13} EPE {measures['epe_px']:.4f} px; {shares}")
     if "depth_mae_mm" in measures:
