@@ -12,27 +12,32 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
+import math
+from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
 import cv2
-import numpy as np
 
+from benchmarks.methods.classical import classical_method
 from benchmarks.record import machine_record
 from benchmarks.turns import answers_in_turns
-from endosdk.baseline import fill_holes
 from endosdk.dataset import Sample
 from endosdk.dataset_layouts import open_dataset
-from endosdk.evaluation import Answer, Method, estimator_method, sgbm_method
+from endosdk.evaluation import Method, estimator_method, sgbm_method
 from endosdk.scores import ScoreBoard
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.transforms import Bbox
 
-BM_BLOCK = 21  # px, the default of OpenCV
-BM_DISPARITIES = 80  # as many as StereoSGBM searches here
+# Where a name may stand: on which side of its point, the preferred first, how many points away, and how many times as
+# far from all other points. From the second distance on a line leads back, so at worst a name only has to be free.
+SIDES = ((1, 1), (1, -1), (1, 0), (-1, 1), (-1, -1), (-1, 0), (0, 1), (0, -1))
+DISTANCES = (4, 14, 26, 40)
+STANDS = (*product((1.3,), DISTANCES, SIDES), *product((0.0,), DISTANCES[1:], SIDES))
+LETTER_GAP = 4  # px between names, so that two are not read as one
 
 
 def named_model(entry: str, threads: int) -> tuple[str, Method]:
@@ -42,21 +47,6 @@ def named_model(entry: str, threads: int) -> tuple[str, Method]:
     width, _, height = size.partition("x")
     network_size = (int(width), int(height)) if size else None
     return name, estimator_method(file, threads=threads, network_size=network_size)
-
-
-def bm_method() -> Method:
-    """Return the method that is StereoBM with its holes filled."""
-    matcher = cv2.StereoBM.create(BM_DISPARITIES, BM_BLOCK)
-
-    def answer(sample: Sample) -> Answer:
-        gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (sample.left, sample.right)]
-        started = time.perf_counter()
-        found = matcher.compute(*gray).astype(np.float32) / np.float32(16.0)
-        elapsed = 1e3 * (time.perf_counter() - started)
-        found[found <= 0] = np.float32(np.nan)
-        return Answer(fill_holes(found), milliseconds=elapsed)
-
-    return answer
 
 
 def measure(methods: dict[str, Method], samples: list[Sample]) -> dict[str, dict[str, float]]:
@@ -95,36 +85,51 @@ def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
         axis.set_minor_locator(ticker.NullLocator())
     axes.grid(alpha=0.25)
     figure.draw_without_rendering()  # lays the axes out: labels are placed by what they cover
-    _label(axes, points)
+    label_points(axes, points)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
 
 
-def _label(axes: Axes, points: dict[str, dict[str, float]]) -> None:
-    """Write each name beside its point: above or below, right or left, the first place that is still free."""
-    from matplotlib.transforms import Bbox
-
+def label_points(axes: Axes, points: dict[str, dict[str, float]]) -> None:
+    """Write each name in the nearest place where it covers nothing and other points lie clearly farther off."""
     places = [(point["ms"], point["epe_px"]) for point in points.values()]
-    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in axes.transData.transform(places)]
-    for name, place in zip(points, places, strict=True):
-        for right, above in ((True, True), (True, False), (False, True), (False, False)):
+    pixels = axes.transData.transform(places)
+    taken = [drawn.get_window_extent() for drawn in (*axes.lines, *axes.texts)]
+    gaps = [sorted(math.dist(point, other) for other in pixels)[1:] for point in pixels]
+    names = list(points)
+    for index in sorted(range(len(names)), key=gaps.__getitem__):  # first those that have the least room
+        for clearly, distance, (right, above) in STANDS:
             label = axes.annotate(
-                name,
-                place,
-                xytext=(6 if right else -6, 3 if above else -3),
+                names[index],
+                places[index],
+                xytext=(distance * right, distance * above),
                 textcoords="offset points",
-                ha="left" if right else "right",
-                va="bottom" if above else "top",
+                ha={1: "left", 0: "center", -1: "right"}[right],
+                va={1: "bottom", 0: "center", -1: "top"}[above],
                 fontsize=8,
             )
             box = label.get_window_extent()
-            if not any(box.overlaps(other) for other in taken):
+            away = [_distance(box, point) for point in pixels]
+            beside = all(far >= clearly * away[index] for at, far in enumerate(away) if at != index)
+            if beside and _inside(box, axes.bbox) and not any(box.overlaps(other) for other in taken):
                 break
             label.remove()
         else:
-            axes.add_artist(label)  # all four are taken: better written over another than not at all
-        taken.append(box)
+            axes.add_artist(label)  # nowhere is free: better written over another than not at all
+        if distance > DISTANCES[0]:
+            leader = {"arrowstyle": "-", "color": "C7", "linewidth": 0.7, "shrinkA": 0, "shrinkB": 3}
+            axes.annotate("", places[index], xytext=label.xyann, textcoords="offset points", arrowprops=leader)
+        taken.append(box.padded(LETTER_GAP))
+
+
+def _distance(box: Bbox, point: tuple[float, float]) -> float:
+    """Return how far a point lies from a box, px; 0 within."""
+    return math.hypot(*(max(low - at, at - high, 0.0) for low, at, high in zip(box.min, point, box.max, strict=True)))
+
+
+def _inside(box: Bbox, outer: Bbox) -> bool:
+    return bool(outer.x0 <= box.x0 and outer.y0 <= box.y0 and box.x1 <= outer.x1 and box.y1 <= outer.y1)
 
 
 def main() -> None:
@@ -145,7 +150,7 @@ def main() -> None:
     samples = [reader[index] for index in range(args.pairs)]
     methods: dict[str, Method] = dict(named_model(entry, args.threads) for entry in args.models)
     named = list(methods)
-    methods |= {"sgbm": sgbm_method(filled=True), "bm": bm_method()}
+    methods |= {"sgbm": sgbm_method(filled=True), "bm": classical_method("bm", {}, filled=True)}
     points = measure(methods, samples)
     for name, point in points.items():
         print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px")
