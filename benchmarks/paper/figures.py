@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper.experiments import GROUPS, LABELS
+from benchmarks.paper.experiments import GROUPS, LABELS, Group
+from endosdk.baseline import fill_holes
 from endosdk.dataset import DatasetReader, Sample
 from endosdk.dataset_layouts import open_dataset
 from endosdk.picture import colour_map, robust_range
@@ -32,9 +34,8 @@ def draw_all(args: argparse.Namespace) -> list[Path]:
     for group in CURVES:
         known = {label: row for label, row in groups.get(group, {}).items() if row}
         if len(known) > 1:  # one run alone compares nothing
-            title = GROUPS[group].title
-            written.append(draw_curves(known, title, args.docs / f"{group}_loss.png"))
-            written.append(draw_bars(known, title, args.docs / f"{group}_epe.png"))
+            written.append(draw_curves(known, GROUPS[group], args.docs / f"{group}_loss.png"))
+            written.append(draw_bars(known, GROUPS[group].title, args.docs / f"{group}_epe.png"))
     written.append(draw_methods(args, reader, reader[0], args.docs / "methods.png"))
     return written
 
@@ -46,31 +47,34 @@ def draw_histogram(reader: DatasetReader, file: Path, limit: int | None = None) 
     for index in range(min(limit or len(reader), len(reader))):
         truth = reader[index].disparity
         counts += np.histogram(truth[np.isfinite(truth)], edges)[0]
-    figure = Figure(figsize=(6, 3.2))
+    figure = Figure(figsize=(6, 3.2), layout="constrained")
     axes = figure.add_subplot()
     axes.bar(edges[:-1], 100 * counts / max(counts.sum(), 1), width=1.0, align="edge", color="#a0522d")
     axes.set(xlabel="disparity, px", ylabel="share of pixels, %", title=f"Disparities of {reader.name}, test split")
     return _save(figure, file)
 
 
-def draw_curves(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
+def draw_curves(rows: dict[str, dict[str, Any]], group: Group, file: Path) -> Path:
     """Draw the training error of the finest map against steps, one curve a run."""
-    figure = Figure(figsize=(6, 3.6))
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.add_subplot()
     for label, values in rows.items():
         steps, errors = values["curve"]["steps"], np.array(values["curve"]["epe"])
         width = max(1, min(SMOOTHED, len(errors) // 4))
         smooth = np.convolve(errors, np.ones(width) / width, mode="valid")
         axes.plot(steps[width - 1 :], smooth, label=label)
-    axes.set(xlabel="step", ylabel="error on training crops, px", title=title, yscale="log")
-    axes.legend()
+    axes.set(xlabel="step", ylabel="error in training, px", yscale="log")
+    axes.set_title(textwrap.fill(group.curves, 70), fontsize=8)
+    figure.suptitle(group.title)
+    # Beside the axes: curves are everywhere within.
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=9)
     axes.grid(alpha=0.3)
     return _save(figure, file)
 
 
 def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
     """Draw the test error of each run of a group; runs that stopped early are hatched."""
-    figure = Figure(figsize=(6, 3.2))
+    figure = Figure(figsize=(6, 3.2), layout="constrained")
     axes = figure.add_subplot()
     labels = []
     for place, (label, values) in enumerate(rows.items()):
@@ -80,12 +84,16 @@ def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
         labels.append(label.replace(", ", "\n") + early)
     axes.set_xticks(range(len(labels)), labels, fontsize=8)
     axes.margins(y=0.12)
-    axes.set(ylabel="mean error on the test split, px", title=title)
+    (pairs,) = {values["pairs"] for values in rows.values()}  # those of a record are all the same
+    axes.set(ylabel=f"mean error, first {pairs} test pairs, px", title=title)
     return _save(figure, file)
 
 
 def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample, file: Path) -> Path:
-    """Draw one pair as every method of the set's tables answers it, with its error beside (Fig. 6)."""
+    """Draw one pair as every method of the set's tables answers it, with its error beside (Fig. 6).
+
+    Holes are filled, as in the rows of the tables that bear the same names.
+    """
     from benchmarks.paper.tables import method_of, patchmatch_folder
 
     tables = [json.loads(file.read_text()) for file in sorted(args.results.glob("table1*.json"))]
@@ -96,16 +104,16 @@ def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample
         methods["patchmatch"] = lambda sample: kept(sample)[0]
     answers = {name: method(sample).disparity for name, method in methods.items() if method is not None}
     low, high = robust_range(sample.disparity)
-    figure = Figure(figsize=(7, 2.6 * (len(answers) + 1)))
+    figure = Figure(figsize=(7, 2.6 * (len(answers) + 1)), layout="constrained")
     grid = figure.subplots(len(answers) + 1, 2, squeeze=False)
     _show(grid[0][0], sample.left, "left view")
     _show(grid[0][1], colour_map(sample.disparity, low, high), f"truth, {low:.0f} to {high:.0f} px")
     for axes, (name, disparity) in zip(grid[1:], answers.items(), strict=True):
-        error = np.abs(disparity - sample.disparity)
-        _show(axes[0], colour_map(disparity, low, high), LABELS[name])
-        answered = np.isfinite(error).sum() / np.isfinite(sample.disparity).sum()
-        mean = f"mean {np.nanmean(error):.3f} px of {100 * answered:.0f} % answered"
-        _show(axes[1], colour_map(error, 0.0, 3.0), f"error, 0 to 3 px; {mean}")
+        filled = fill_holes(disparity)
+        error = np.abs(filled - sample.disparity)
+        holes = ", holes filled" if np.isnan(disparity).any() else ""
+        _show(axes[0], colour_map(filled, low, high), LABELS[name] + holes)
+        _show(axes[1], colour_map(error, 0.0, 3.0), f"error, 0 to 3 px; mean {np.nanmean(error):.3f} px")
     return _save(figure, file)
 
 
@@ -116,6 +124,5 @@ def _show(axes: Any, picture: Any, title: str) -> None:
 
 
 def _save(figure: Figure, file: Path) -> Path:
-    figure.tight_layout()
     FigureCanvasAgg(figure).print_figure(file, dpi=110, metadata={"Software": None})
     return file

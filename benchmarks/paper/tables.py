@@ -44,6 +44,7 @@ def row(scores: dict[str, Any]) -> dict[str, Any]:
         "coverage": whole["coverage"],
         "depth_mae_mm": whole.get("depth_mae_mm"),
         "pixels": whole["pixels"],
+        "pixels_noc": visible["pixels"] if visible else None,
         "pairs": scores["pairs"],
         "ms": scores["ms_median"],
     }

@@ -1,67 +1,107 @@
-"""One sentence a comparison on whether the paper's claim held: rules on numbers, so that nobody's hope decides."""
+"""Whether the paper's claims held, one verdict a claim: rules on numbers, so that nobody's hope decides.
+
+Two errors that lie as close as those of one setting trained with two seeds are not told apart.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
-Rows = dict[str, dict[str, Any] | None]
+from benchmarks.paper.experiments import EXPERIMENTS, LABELS, PROTOCOL, Claim, Experiment, crops, size, unique_runs
 
-NOT_RUN = "not yet run."
-SAME_SHARE = 0.05  # errors within five per cent are called equal
+Groups = dict[str, dict[str, dict[str, Any] | None]]  # rows by label by group; None where a run is missing
 
-
-def verdict(group: str, rows: Rows) -> str:
-    """Judge one group of `GROUPS`; rows by label, None or absent where a run is missing."""
-    needed, judge = _RULES[group]
-    known = {label: row for label, row in rows.items() if row}
-    missing = [label for label in needed if label not in known]
-    if missing:
-        done = ", ".join(f"{label} {row['epe']:.3f} px" for label, row in known.items() if label in needed)
-        return NOT_RUN if not done else f"so far {done}; {', '.join(missing)}: {NOT_RUN}"
-    early = [label for label in needed if not known[label].get("complete", True)]
-    caution = f" Not final: {', '.join(early)} stopped early." if early else ""
-    return judge({label: float(row["epe"]) for label, row in known.items()}, known) + caution
-
-
-def _table(epe: dict[str, float], rows: dict[str, dict[str, Any]]) -> str:
-    best = min(epe, key=lambda name: epe[name])
-    slower = [name for name in ("anynet", "psmnet") if rows[name]["ms"] < rows["wang2020"]["ms"]]
-    first = "held" if best == "wang2020" else f"did not hold ({best} is first with {epe[best]:.3f} px)"
-    speed = "held" if not slower else f"did not hold ({', '.join(slower)} took less time)"
-    return f"the claim on error {first}; wang2020 has {epe['wang2020']:.3f} px. The claim on speed {speed}."
-
-
-def _loss(epe: dict[str, float], _: dict[str, Any]) -> str:
-    return _said(epe["lambda 0.5"] < epe["L2"], f"{epe['lambda 0.5']:.3f} px against {epe['L2']:.3f} px with L2")
-
-
-def _pairs(epe: dict[str, float], _: dict[str, Any]) -> str:
-    worse = epe["100 pairs"] > (1 + SAME_SHARE) * epe["800 pairs"]
-    enough = epe["900 pairs"] > (1 - SAME_SHARE) * epe["800 pairs"]
-    text = ", ".join(f"{label}: {epe[label]:.3f} px" for label in ("100 pairs", "400 pairs", "800 pairs", "900 pairs"))
-    return _said(worse and enough, text)
-
-
-def _range(epe: dict[str, float], _: dict[str, Any]) -> str:
-    short = [epe[f"{limit} px"] for limit in (72, 56, 48, 40)]
-    text = ", ".join(f"{limit}: {epe[f'{limit} px']:.3f} px" for limit in (192, 72, 56, 48, 40))
-    return _said(epe["192 px"] > max(short) and epe["56 px"] == min(short), text)
-
-
-def _refinement(epe: dict[str, float], _: dict[str, Any]) -> str:
-    with_it, without = epe["with refinement"], epe["without refinement"]
-    return _said(abs(with_it - without) <= SAME_SHARE * without, f"{with_it:.3f} px with, {without:.3f} px without")
-
-
-def _said(held: bool, numbers: str) -> str:
-    return f"the claim {'held' if held else 'did not hold'}: {numbers}."
-
-
-_RULES: dict[str, tuple[tuple[str, ...], Callable[[dict[str, float], dict[str, Any]], str]]] = {
-    "table1": (("wang2020", "anynet", "psmnet"), _table),
-    "loss": (("L2", "lambda 0.5"), _loss),
-    "pairs": (("100 pairs", "400 pairs", "800 pairs", "900 pairs"), _pairs),
-    "range": (("192 px", "72 px", "56 px", "48 px", "40 px"), _range),
-    "refinement": (("with refinement", "without refinement"), _refinement),
+HELD, FAILED, UNDECIDED = "**held**", "**did not hold**", "**undecided**"
+# By the relation that is claimed, for an error that is smaller (True), larger (False) or too close to tell (None).
+VERDICTS: dict[str, dict[bool | None, str]] = {
+    "below": {True: HELD, False: FAILED, None: UNDECIDED},
+    "above": {True: FAILED, False: HELD, None: UNDECIDED},
+    "not above": {True: HELD, False: FAILED, None: HELD},
+    "like": {True: FAILED, False: FAILED, None: HELD},
 }
+NOT_RUN = "not yet run"
+NOT_REPEATED = f"{UNDECIDED}: no setting has been trained with a second seed"
+
+
+def seed_spread(groups: Groups) -> float | None:
+    """By what share of the smaller one two seeds of one setting differ, at most; None when nothing was repeated."""
+    found = [_errors(groups, run) for run in _ablations()]
+    return max((max(errors) / min(errors) - 1 for errors in found if len(errors) > 1), default=None)
+
+
+def claim_verdict(group: str, claim: Claim, groups: Groups, pairs: int) -> str:
+    """Judge one claim of an ablation that was scored on the first so many test pairs."""
+    labels = (claim.run, *claim.others)
+    known = {label: row for label in labels if (row := groups.get(group, {}).get(label))}
+    if len(known) < len(labels):
+        return f"{NOT_RUN}: {', '.join(label for label in labels if label not in known)}."
+    early = [f"{label} {_stopped(row)}" for label, row in known.items() if not row["complete"]]
+    if early:
+        return f"{UNDECIDED}: {', '.join(early)}."
+    spread = seed_spread(groups)
+    if spread is None:
+        return f"{NOT_REPEATED}."
+    runs = {run.label: run for run in _ablations(group)}
+    errors = {label: _errors(groups, runs[label]) for label in labels}
+    orders = [smaller(errors[claim.run], errors[other], spread) for other in claim.others]
+    verdict = min((VERDICTS[claim.relation][order] for order in orders), key=(FAILED, UNDECIDED, HELD).index)
+    why = f" (closer than {100 * spread:.1f} %)" if None in orders and verdict != FAILED else ""
+    if not claim.fair_on_windows and known[claim.run]["refine_crop"]:
+        verdict, why = UNDECIDED, " (the runs differ in more than that, see below)"
+    seen = f"{known[claim.run]['samples_seen']} crops of {size(known[claim.run]['crop'])}"
+    numbers = ", ".join(f"{label}: {_listed(found)}" for label, found in errors.items())
+    return f"{verdict}{why} after {seen} (the protocol: {crops(PROTOCOL)}), on the first {pairs} test pairs: {numbers}."
+
+
+def rival_verdicts(rival: str, rows: dict[str, dict[str, Any]], spread: float | None) -> tuple[str, str]:
+    """Judge whether wang2020 has the smaller error, and whether it takes less time, than a rival of the same table."""
+    ours, theirs = rows["wang2020"], rows[rival]
+    errors = f"{ours['epe']:.3f} px against {theirs['epe']:.3f} px"
+    times = f"{ours['ms']:.1f} ms against {theirs['ms']:.1f} ms"
+    order = None if spread is None else smaller([ours["epe"]], [theirs["epe"]], spread)
+    # One that is behind and was stopped early could still have come first.
+    behind = {True: (rival,), False: ("wang2020",), None: ("wang2020", rival)}[order]
+    early = [f"{LABELS[name]} {_stopped(rows[name])}" for name in behind if not rows[name].get("complete", True)]
+    if early:
+        error = f"{UNDECIDED}: {errors}, {', '.join(early)}"
+    elif spread is None:
+        error = NOT_REPEATED
+    else:
+        error = f"{VERDICTS['below'][order]}: {errors}"
+    return error, f"{HELD if ours['ms'] < theirs['ms'] else FAILED}: {times}"
+
+
+def smaller(errors: Sequence[float], others: Sequence[float], spread: float) -> bool | None:
+    """Whether all errors of one setting are smaller than all of another; None where they are too close to tell."""
+    if max(errors) * (1 + spread) < min(others):
+        return True
+    if max(others) * (1 + spread) < min(errors):
+        return False
+    return None
+
+
+def _ablations(group: str | None = None) -> list[Experiment]:
+    """Every ablation once, or those of a group, in which a run that groups share has another label."""
+    runs = unique_runs() if group is None else [run for run in EXPERIMENTS if run.group == group]
+    return [run for run in runs if run.group != "table1"]
+
+
+def _errors(groups: Groups, run: Experiment) -> list[float]:
+    """Errors of a setting, px, one for each seed with which it was trained to the end."""
+    seeds = [other for other in _ablations() if _setting(other) == _setting(run)]
+    rows = [groups.get(other.group, {}).get(other.label) for other in seeds]
+    return [float(row["epe"]) for row in rows if row and row["complete"]]
+
+
+def _setting(run: Experiment) -> dict[str, Any]:
+    return {name: value for name, value in run.changes.items() if name != "seed"}
+
+
+def _listed(errors: list[float]) -> str:
+    seeds = "1 seed" if len(errors) == 1 else f"{len(errors)} seeds"
+    return f"{' and '.join(f'{error:.3f}' for error in errors)} px ({seeds})"
+
+
+def _stopped(row: dict[str, Any]) -> str:
+    return f"stopped early, after {row['samples_seen']} of {row['samples_planned']} crops"

@@ -1,0 +1,101 @@
+"""What a reader must know beside the numbers: where records differ, where settings come from, what is confounded.
+
+Every sentence follows from the records; where they do not tell, it is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from benchmarks.paper.experiments import PAPER_FRAME, PROTOCOL, size
+from endosdk.training.config import TrainConfig
+from endosdk.training.networks.wang2020 import DILATIONS
+
+LISTED = 8  # ids of pairs that a sentence names
+
+
+def refinement_note(rows: dict[str, dict[str, Any] | None]) -> str:
+    """Say in what runs with and without refinement differ besides it; rows with refinement, by where they stand."""
+    shares = [f"{_share(row['refine_crop'] or row['crop'])} in {place}" for place, row in rows.items() if row]
+    if not shares:
+        return ""
+    return (
+        f"The two runs differ in more than the refinement. It reaches {refinement_reach()} px, and in training the "
+        "coarse map is cut where the part of the crop ends that it works on: zeros beyond are seen by "
+        f"{', '.join(shares)}, and by {_share(PAPER_FRAME)} in a whole frame, where errors are measured. Also the loss "
+        f"of the coarse map counts {TrainConfig().coarse_weight:g} with refinement and 1 without."
+    )
+
+
+def refinement_reach() -> int:
+    """How far, px, the refinement of wang2020 looks: its layers of 3 x 3, the first and the last not dilated."""
+    return 1 + sum(DILATIONS) + 1
+
+
+def padded_share(height: int, width: int) -> float:
+    """Share of the pixels of a window that see beyond its border through the refinement."""
+    inner = max(0, height - 2 * refinement_reach()) * max(0, width - 2 * refinement_reach())
+    return 1 - inner / (height * width)
+
+
+def _share(window: tuple[int, int]) -> str:
+    return f"{100 * padded_share(*window):.0f} % of the {size(window)} pixels"
+
+
+def ablations_note(ablations: dict[str, Any], table: dict[str, Any]) -> str:
+    """Say in which fields the record of the ablations differs from that of Table 1."""
+    if not ablations or not table:
+        return ""
+    rows = [row for group in ablations["groups"].values() for row in group.values() if row]
+    fields = {
+        "processor": (ablations["machine"]["cpu"], table["machine"]["cpu"]),
+        "commit": (ablations["machine"]["commit"], table["machine"]["commit"]),
+        "test pairs": (_version(ablations), _version(table)),
+        "training pairs": (_versions(rows), _versions(table["methods"].values())),
+    }
+    differ = [f"{name} {ours} against {theirs}" for name, (ours, theirs) in fields.items() if ours != theirs]
+    if not differ:
+        return ""
+    return (
+        f"The ablations and Table 1 are of different states, here with data by their SHA-256: {'; '.join(differ)}. "
+        "So the ablations compare with one another alone."
+    )
+
+
+def _version(data: dict[str, Any]) -> str:
+    return f"{data.get('dataset', data.get('name'))} {data['sha256'][:8]}"
+
+
+def _versions(rows: Iterable[dict[str, Any]]) -> str:
+    return ", ".join(sorted({_version(row["train_data"]) for row in rows if "train_data" in row}))
+
+
+def search_note(table: dict[str, Any], search: dict[str, Any], accuracy: dict[str, Any]) -> str:
+    """Say on which pairs the settings of StereoSGBM were found, and what those have that nobody searched."""
+    row = table.get("methods", {}).get("sgbm")
+    if not row or not search or row["settings"] != search["best"]:
+        return ""
+    data, ids = search["data"], search["pairs"]
+    named = ", ".join(ids[:LISTED]) + (f" and {len(ids) - LISTED} more" if len(ids) > LISTED else "")
+    known = f"SHA-256 {data['sha256'][:8]}" if "sha256" in data else "no hash recorded"
+    note = (
+        f"StereoSGBM, also with 8 paths, has the best of {len(search['tried'])} settings on {len(ids)} pairs of the "
+        f"{data['split']} split of {data['name']} ({known}): {named}."
+    )
+    unsearched = accuracy.get("methods", {}).get("sgbm-filled")
+    same = accuracy.get("dataset", {}).get("sha256") == table["sha256"]
+    if unsearched and same and unsearched["pairs"] == table["pairs"]:
+        note += (
+            f" The README's StereoSGBM, {unsearched['all']['epe_px']:.3f} px on the same pairs, has the default "
+            "settings of endosdk, unsearched."
+        )
+    return note
+
+
+def rate_note() -> str:
+    """Say what of a rival's training is not that of its paper."""
+    return (
+        "loss, optimiser and first rate are those of its paper, while the fall of the rate to "
+        f"{PROTOCOL['final_rate']:g} is the protocol's for all"
+    )
