@@ -175,8 +175,7 @@ GROUPS = {
                 fair_on_windows=False,
             ),
         ),
-        curves="the one with it is of the refined map, on the window that it learns on; the one without of the coarse "
-        "map, on whole crops",
+        curves="with refinement, the refined map on the window it learns on; without, the coarse map on whole crops",
     ),
 }
 
