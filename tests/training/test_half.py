@@ -6,35 +6,34 @@ import onnx
 import pytest
 from onnx import TensorProto
 
-from endosdk.training.half import half_model
+from endosdk.training.half import halved
 from tests.training.test_quantize import run
 
 
-class Files(NamedTuple):
+class Models(NamedTuple):
     full: Path
-    half: Path
+    half: onnx.ModelProto
 
 
 @pytest.fixture(scope="module", params=["fast", "wang2020"])
-def files(request, exported, tmp_path_factory):
-    files = Files(exported[request.param].path, tmp_path_factory.mktemp("half") / "half.onnx")
-    half_model(*files)
-    return files
+def models(request, exported):
+    file = exported[request.param].path
+    return Models(file, halved(onnx.load(file)))
 
 
-def test_the_answers_agree_to_what_16_bits_allow(files):
-    exact, half = run(files.full), run(files.half)
+def test_the_answers_agree_to_what_16_bits_allow(models):
+    exact, half = run(models.full), run(models.half.SerializeToString())
     difference = np.abs(exact[0] - half[0])
     assert 0 < difference.mean() < 0.01 * exact[0].mean()
     assert np.abs(exact[1] - half[1]).mean() < 0.01
 
 
-def test_weights_are_halved_and_the_soft_argmin_is_exact(files):
-    full, half = onnx.load(files.full), onnx.load(files.half)
+def test_weights_are_halved_and_the_soft_argmin_is_exact(models):
+    full, half = onnx.load(models.full), models.half
     kinds = {weight.name: weight.data_type for weight in half.graph.initializer}
     convolutions = [node for node in half.graph.node if node.op_type == "Conv"]
     assert {kinds[node.input[1]] for node in convolutions} == {TensorProto.FLOAT16}
-    assert files.half.stat().st_size < 0.7 * files.full.stat().st_size
+    assert half.ByteSize() < 0.7 * full.ByteSize()
     makers = {name: node for node in half.graph.node for name in node.output}
     # The first exponential of `fast` is that of its soft-argmin, which has no softmax of its own.
     softmax = next(node for node in half.graph.node if node.op_type in ("Softmax", "Exp"))
@@ -49,10 +48,9 @@ def test_weights_are_halved_and_the_soft_argmin_is_exact(files):
         assert value.type.tensor_type.elem_type in (TensorProto.UINT8, TensorProto.FLOAT)
 
 
-def test_places_in_the_pictures_are_known_to_more_than_16_bits(exported, tmp_path):
+def test_places_in_the_pictures_are_known_to_more_than_16_bits(exported):
     """Nothing between the convolutions and the columns looked at is rounded: 16 bits know column 600 to a half."""
-    half_model(exported["fast"].path, tmp_path / "half.onnx")
-    graph = onnx.load(tmp_path / "half.onnx").graph
+    graph = halved(onnx.load(exported["fast"].path)).graph
     makers = {name: node for node in graph.node for name in node.output}
     waiting = [node.input[1] for node in graph.node if node.op_type == "GatherElements"]
     met = {}

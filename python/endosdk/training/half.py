@@ -7,21 +7,12 @@ pictures at a fraction of a pixel: 16 bits know a column of 480 to a quarter.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import onnx
 from onnx import TensorProto
 from onnxruntime.transformers.float16 import DEFAULT_OP_BLOCK_LIST, convert_float_to_float16
 from onnxruntime.transformers.onnx_model import OnnxModel
 
-from endosdk.training.model_file import write_model
-
 EXACT = ["Softmax", "MatMul", "Log", "Exp", "Resize", "ReduceMax", "ReduceSum", "Clip", "MaxPool", "Cast"]
-
-
-def half_model(source: Path, out: Path) -> None:
-    """Write the 16-bit form of the float model ``source`` to ``out``. Raises StorageFailed."""
-    write_model(halved(onnx.load(source)), out)
 
 
 def halved(model: onnx.ModelProto) -> onnx.ModelProto:
