@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -120,7 +121,23 @@ def test_broken_and_foreign_files_are_named(tmp_path):
         ({"precision": "fp16"}, "precision"),
         ({"steps": 0}, "steps"),
         ({"final_rate": 1.0}, "final_rate"),
-        ({"refine_crop": (512, 512)}, "refine_crop"),
+        ({"rate": float("inf")}, "rate"),
+        ({"rate": float("nan")}, "rate"),
+        ({"crop": (256, 512), "refine_crop": (512, 512)}, "refine_crop"),
+        ({"refine_crop": (60, 128)}, "crop"),
+        ({"balance": 5.0}, "balance: must be within 0..1; got 5.0"),
+        ({"balance": float("nan")}, "balance"),
+        ({"device": "gpu"}, "device: must be one of auto, cpu, cuda; got gpu"),
+        ({"train_pairs": -2}, "train_pairs"),
+        ({"train_pairs": 0}, "train_pairs"),
+        ({"held_out": -1}, "held_out"),
+        ({"workers": -1}, "workers"),
+        ({"seed": -1}, "seed"),
+        ({"cache_gib": -1.0}, "cache_gib"),
+        ({"coarse_weight": -0.5}, "coarse_weight"),
+        ({"weight_decay": -1e-4}, "weight_decay"),
+        ({"refine_from_step": -1}, "refine_from_step"),
+        ({"checkpoint_minutes": -1.0}, "checkpoint_minutes"),
         ({"crop": (60, 128)}, "crop"),
     ],
 )
@@ -132,6 +149,13 @@ def test_bad_settings_are_named_at_once(changes, name):
 def test_unknown_settings_are_refused():
     with pytest.raises(InvalidArgument, match="epochs"):
         TrainConfig.from_dict({"epochs": 16})
+
+
+def test_weights_of_another_shape_are_named(tmp_path):
+    network, optimiser = stepped(torch.optim.RMSprop)
+    checkpoint.save(tmp_path / checkpoint.LAST, replace(CONFIG, network="fast-wide"), 7, STATE, network, optimiser)
+    with pytest.raises(InvalidArgument, match=r"checkpoint: must hold the weights of fast-wide .* such as "):
+        checkpoint.load(tmp_path).build()
 
 
 def test_the_rate_rises_then_falls_to_its_end():

@@ -36,7 +36,9 @@ def test_items_have_the_types_and_shapes_that_training_expects(reader):
 def test_an_epoch_visits_every_pair_once(reader):
     class Recorder:
         name, sha256 = reader.name, reader.sha256
-        seen: list[int]
+
+        def __init__(self):
+            self.seen = []
 
         def __getitem__(self, index):
             self.seen.append(index)
@@ -94,4 +96,4 @@ def test_bad_settings_are_named(reader):
     with pytest.raises(InvalidArgument, match="training pair"):
         Crops(reader, [], (64, 128), seed=0)
     with pytest.raises(InvalidArgument, match="crop"):
-        Crops(reader, [0], (64, 512), seed=0)[0]
+        Crops(reader, [0], (64, 512), seed=0)

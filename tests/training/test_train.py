@@ -3,18 +3,20 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from endosdk.dataset import Sample, write_record, write_sample
 from endosdk.dataset_layouts import open_dataset
-from endosdk.errors import InvalidArgument
+from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, ProviderUnavailable
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.evaluate import mean_errors, pad_to_multiple
 from endosdk.training.networks import build_network
-from endosdk.training.train import split_pairs, train
+from endosdk.training.train import Run, split_pairs, train
 
 SHORT = {"network": "fast", "crop": (64, 128), "batch": 2, "held_out": 2, "log_every": 1, "precision": "fp32"}
 
@@ -156,8 +158,66 @@ def test_held_out_pairs_are_not_trained_on(dataset_root):
     reader = open_dataset(dataset_root, "train")
     assert split_pairs(reader, settings(dataset_root, held_out=3)) == (list(range(7)), [7, 8, 9])
     assert split_pairs(reader, settings(dataset_root, train_pairs=4)) == ([0, 1, 2, 3], [8, 9])
+    assert split_pairs(reader, settings(dataset_root, train_pairs=8)) == (list(range(8)), [8, 9])
     with pytest.raises(InvalidArgument, match="held_out"):
         split_pairs(reader, settings(dataset_root, held_out=10))
+    with pytest.raises(InvalidArgument, match=r"train_pairs: must be at most 8: .*; got 9"):
+        split_pairs(reader, settings(dataset_root, train_pairs=9))
+
+
+def test_a_run_says_on_how_many_pairs_it_learned(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=1, train_pairs=5), tmp_path)
+    name, sha256 = "warped", open_dataset(dataset_root, "train").sha256
+    noted = {"name": name, "sha256": sha256, "pairs": 5, "held_out": 2}
+    assert checkpoint.load(tmp_path).state["dataset"] == noted
+    assert json.loads((tmp_path / "log.json").read_text())["dataset"] == noted
+
+
+@pytest.mark.parametrize(
+    ("network", "size", "crop"), [("fast", (720, 960), (256, 384)), ("wang2020", (264, 520), (256, 512))]
+)
+def test_every_network_has_a_crop_of_its_own(network, size, crop, tmp_path):
+    one_frame_set(tmp_path / "set", size)
+    run = Run(TrainConfig(data=str(tmp_path / "set"), network=network, held_out=0, batch=1), tmp_path / "run")
+    assert run.crops[0][0].shape == (3, *crop)
+    run.save()
+    assert checkpoint.load(tmp_path / "run").config.crop == crop
+
+
+def test_a_crop_that_does_not_fit_is_refused_before_the_run_begins(tmp_path):
+    one_frame_set(tmp_path / "set", (240, 320))
+    config = TrainConfig(data=str(tmp_path / "set"), network="fast", held_out=0)
+    with pytest.raises(InvalidArgument, match=r"crop: must fit into the frames of 240 x 320.*; got \(256, 384\)"):
+        train(config, tmp_path / "run")
+    with pytest.raises(InvalidArgument, match="refine_crop: must fit into the crop"):
+        train(replace(config, refine_crop=(264, 264)), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def one_frame_set(root, size, disparity=20.0):
+    """Write a set of two flat training pairs."""
+    picture, truth = np.full((*size, 3), 90, np.uint8), np.full(size, disparity, np.float32)
+    hashes = {
+        name: write_sample(root, "train", Sample(name, picture, picture, truth, None, None, 200.0, 5.0))
+        for name in ("0", "1")
+    }
+    write_record(root, {"format_version": 1, "name": "flat", "samples": {"train": hashes, "test": {}}})
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a card here")
+def test_a_card_that_is_not_there_is_an_error(dataset_root, tmp_path):
+    with pytest.raises(ProviderUnavailable, match="device"):
+        train(settings(dataset_root, device="cuda"), tmp_path)
+
+
+def test_a_validation_without_truth_or_without_numbers_is_an_error(tmp_path, dataset_root):
+    one_frame_set(tmp_path, (64, 128), np.nan)
+    network = build_network("wang2020")
+    with pytest.raises(DatasetInvalid, match="held-out"):
+        mean_errors(network, open_dataset(tmp_path, "train"), [0], refined=True)
+    torch.nn.init.constant_(network.refinement[-1].weight, float("nan"))
+    with pytest.raises(InferenceFailed, match="smaller rate"):
+        mean_errors(network, open_dataset(dataset_root, "train"), [0], refined=True)
 
 
 def test_padding_repeats_the_border():

@@ -17,7 +17,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
-    "balance": (float, "lambda of the scale-invariant loss"),
+    "balance": (float, "lambda of the scale-invariant loss, 0..1"),
     "steps": (int, "steps in all"),
     "optimiser": (str, "rmsprop or adamw"),
     "rate": (float, "learning rate at the start"),
@@ -36,7 +36,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint, log.csv, log.json")
     parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
     parser.add_argument("--network", help="wang2020 or fast")
-    parser.add_argument("--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px")
+    parser.add_argument(
+        "--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px (default: the network's own)"
+    )
     parser.add_argument(
         "--refine-crop", type=int, nargs=2, metavar=("H", "W"), help="part of the crop that the refinement sees, px"
     )

@@ -35,8 +35,19 @@ class Checkpoint:
     def build(self) -> StereoNetwork:
         """Build the network that was saved, in evaluation mode."""
         network = build_network(self.config.network, self.config.max_disparity)
-        network.load_state_dict(self.network)
+        self.load_into(network)
         return network.eval()
+
+    def load_into(self, network: StereoNetwork) -> None:
+        """Give a network these weights. Raises InvalidArgument when they are those of another shape or release."""
+        found, wanted = (
+            {name: tensor.shape for name, tensor in tensors.items()} for tensors in (self.network, network.state_dict())
+        )
+        differing = sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+        if differing:
+            rule = f"must hold the weights of {self.config.network} as this release builds it"
+            raise InvalidArgument("checkpoint", rule, f"{len(differing)} that differ, such as {differing[0]}")
+        network.load_state_dict(self.network)
 
 
 def save(

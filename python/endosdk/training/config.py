@@ -8,8 +8,32 @@ from typing import Any
 from endosdk.errors import InvalidArgument
 from endosdk.training.loss import build_loss
 
-OPTIMISERS = ("rmsprop", "adamw")
-PRECISIONS = ("auto", "fp32", "bf16")
+CHOICES = {
+    "optimiser": ("rmsprop", "adamw"),
+    "precision": ("auto", "fp32", "bf16"),
+    "device": ("auto", "cpu", "cuda"),
+}
+LARGEST = 10**9
+# What each number must lie within, ends included.
+RANGES = {
+    "max_disparity": (1, LARGEST),
+    "train_pairs": (1, LARGEST),
+    "held_out": (0, LARGEST),
+    "batch": (1, LARGEST),
+    "workers": (0, LARGEST),
+    "cache_gib": (0, LARGEST),
+    "seed": (0, LARGEST),
+    "balance": (0, 1),  # beyond 1 the loss rewards a common factor, and falls below 0
+    "coarse_weight": (0, LARGEST),
+    "steps": (1, LARGEST),
+    "warmup": (0, LARGEST),
+    "weight_decay": (0, LARGEST),
+    "clip": (0, LARGEST),
+    "refine_from_step": (0, LARGEST),
+    "log_every": (1, LARGEST),
+    "validate_every": (1, LARGEST),
+    "checkpoint_minutes": (0, LARGEST),
+}
 
 
 @dataclass(frozen=True)
@@ -27,7 +51,7 @@ class TrainConfig:
 
     # samples
     batch: int = 4  # pairs per step and process
-    crop: tuple[int, int] = (256, 512)  # wide, so that the band without a match on the left stays small
+    crop: tuple[int, int] | None = None  # None: the network's usual one, which fits what it sees of a frame
     augment: bool = True
     workers: int = 0  # extra processes that prepare crops; each keeps its own cache
     cache_gib: float = 8.0  # memory for decoded pairs
@@ -59,17 +83,25 @@ class TrainConfig:
     def __post_init__(self) -> None:
         """Check what would otherwise fail late or train silently wrong."""
         build_loss(self.loss)
-        for name, choices in (("optimiser", OPTIMISERS), ("precision", PRECISIONS)):
+        for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise InvalidArgument(name, f"must be one of {', '.join(choices)}", getattr(self, name))
-        for name in ("batch", "steps", "max_disparity", "log_every", "validate_every"):
-            if getattr(self, name) < 1:
-                raise InvalidArgument(name, "must be at least 1", getattr(self, name))
+        for name, (low, high) in RANGES.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise InvalidArgument(name, f"must be within {low}..{high}", value)
+        if not self.rate <= LARGEST:
+            raise InvalidArgument("rate", "must be a finite number", self.rate)
         if not 0 < self.final_rate <= self.rate:
             raise InvalidArgument("final_rate", "must be above 0 and at most rate", self.final_rate)
-        if any(side < 8 or side % 8 for side in (*self.crop, *(self.refine_crop or ()))):
+        self._check_crops()
+
+    def _check_crops(self) -> None:
+        if any(side < 8 or side % 8 for side in (*(self.crop or ()), *(self.refine_crop or ()))):
             raise InvalidArgument("crop", "and refine_crop must be multiples of 8", (self.crop, self.refine_crop))
-        if self.refine_crop is not None and any(w > c for w, c in zip(self.refine_crop, self.crop, strict=True)):
+        if self.crop is None or self.refine_crop is None:
+            return
+        if any(w > c for w, c in zip(self.refine_crop, self.crop, strict=True)):
             raise InvalidArgument("refine_crop", f"must fit into the crop {self.crop}", self.refine_crop)
 
     def rate_at(self, step: int) -> float:

@@ -53,7 +53,10 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         cache_gib: float = 8.0,
         usual_width: int | None = None,
     ) -> None:
-        """Read the given samples of ``reader``, reduced to about ``usual_width``; memory keeps up to ``cache_gib``."""
+        """Read the given samples of ``reader``, reduced to about ``usual_width``; memory keeps up to ``cache_gib``.
+
+        Raises InvalidArgument when there is none, or when the first is smaller than ``crop``.
+        """
         if not indices:
             raise InvalidArgument("data", "must hold at least one training pair", "none")
         self.reader = reader
@@ -64,6 +67,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         self.usual_width = usual_width
         self._cache: dict[int, _Stored] = {}
         self._room = int(cache_gib * 2**30)
+        self._check_size(self._load(self.indices[0]))
 
     def __getitem__(self, item: int) -> tuple[Tensor, Tensor, Tensor]:
         """Draw crop ``item`` >= 0."""
@@ -71,8 +75,8 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         order = np.random.default_rng([self.seed, 0, epoch]).permutation(len(self.indices))
         stored = self._load(self.indices[int(order[position])])
         rng = np.random.default_rng([self.seed, 1, item])
+        self._check_size(stored)
         pair = Pair(stored.left, stored.right, _truth(stored.disparity))
-        self._check_size(pair)
         if self.augment:
             mirrored = None
             if stored.disparity_right is not None:
@@ -109,10 +113,10 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
             self._cache[index] = stored
         return stored
 
-    def _check_size(self, pair: Pair) -> None:
-        height, width = pair.left.shape[:2]
+    def _check_size(self, stored: _Stored) -> None:
+        height, width = stored.left.shape[:2]
         if height < self.crop[0] or width < self.crop[1]:
-            raise InvalidArgument("crop", f"must fit into the frames of {height} x {width}", self.crop)
+            raise InvalidArgument("crop", f"must fit into the frames of {height} x {width}, as it sees them", self.crop)
 
 
 def planar(view: NDArray[np.uint8]) -> Tensor:

@@ -14,6 +14,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from endosdk.dataset import DatasetReader, Sample
+from endosdk.errors import DatasetInvalid, InferenceFailed
 from endosdk.scores import ScoreBoard
 from endosdk.training.data import planar
 from endosdk.training.frame_size import reduced_view, reduction
@@ -75,13 +76,21 @@ def _to_frame(values: Tensor, stride: int, sample: Sample) -> Tensor:
 def mean_errors(
     network: StereoNetwork, reader: DatasetReader, indices: Sequence[int], *, refined: bool
 ) -> dict[str, float]:
-    """Error of each map, px, and the share of pixels of the last that are off by more than 1 px."""
+    """Error of each map, px, and the share of pixels of the last that are off by more than 1 px.
+
+    Raises DatasetInvalid where no pixel has truth, InferenceFailed where none gets a number for an answer.
+    """
     names = ("epe_coarse", "epe_refined")[: 2 if refined else 1]
     boards = {name: ScoreBoard() for name in names}
     for frame in predict_frames(network, reader, indices, refined=refined, title="validation"):
         for name, found in zip(names, frame.maps, strict=True):
             boards[name].add(found, frame.sample.disparity)
     results = {name: board.result()["all"] for name, board in boards.items()}
+    if not results[names[0]]["pixels"]:
+        raise DatasetInvalid("dataset", "must have truth in the held-out pairs", f"none in {reader.name}")
+    if not all(result["answered"] for result in results.values()):
+        rule = "must answer with numbers; a run whose weights have become none needs a smaller rate"
+        raise InferenceFailed("network", rule, "NaN in every pixel")
     return {**{name: result["epe_px"] for name, result in results.items()}, "over_1px": results[names[-1]]["kpe_1"]}
 
 

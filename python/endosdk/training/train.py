@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from tqdm import tqdm
 
 from endosdk.dataset import DatasetReader
 from endosdk.dataset_layouts import open_dataset
-from endosdk.errors import InvalidArgument
+from endosdk.errors import InvalidArgument, ProviderUnavailable, StorageFailed
+from endosdk.evaluation import require_pairs
 from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
@@ -57,20 +59,25 @@ class Run:
     """The state of one training run in one process."""
 
     def __init__(self, config: TrainConfig, out: Path, rank: int = 0, world: int = 1, *, resume: bool = False) -> None:
-        self.config, self.out, self.rank, self.world = config, out, rank, world
+        self.out, self.rank, self.world = out, rank, world
         self.device = _device(config.device)
         if self.device.type == "cpu":
             keep_freed_memory()
         # Before the data, which takes its time to open: a wrong name or range is told at once.
         torch.manual_seed(config.seed)
         self.network = build_network(config.network, config.max_disparity)
+        self.crop = config.crop or self.network.usual_crop
+        # The checkpoint says what was done, whatever may be usual one day.
+        self.config = replace(config, crop=self.crop)
         self.loss = build_loss(config.loss, config.balance)
+        if not config.data:
+            raise InvalidArgument("data", "must name the folder of a data set", "nothing")
         self.reader = open_dataset(Path(config.data), "train", layout=config.layout)
-        train_pairs, self.held_out = split_pairs(self.reader, config)
+        self.train_pairs, self.held_out = split_pairs(self.reader, config)
         self.crops = Crops(
             self.reader,
-            train_pairs,
-            config.crop,
+            self.train_pairs,
+            self.crop,
             seed=config.seed,
             augment=config.augment,
             cache_gib=config.cache_gib,
@@ -101,7 +108,7 @@ class Run:
                 raise InvalidArgument(
                     name, f"must be the checkpoint's {getattr(saved.config, name)}", getattr(self.config, name)
                 )
-        self.network.load_state_dict(saved.network)
+        saved.load_into(self.network)
         if resume:
             if saved.config.optimiser != self.config.optimiser:
                 raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
@@ -189,7 +196,7 @@ class Run:
             return None
         rng = np.random.default_rng([self.config.seed, 2, self.step])
         multiple = self.network.input_multiple
-        (height, width), (tall, wide) = self.config.crop, self.config.refine_crop
+        (height, width), (tall, wide) = self.crop, self.config.refine_crop
         top, left = (int(rng.integers(0, room // multiple + 1)) * multiple for room in (height - tall, width - wide))
         return Window(top, left, tall, wide)
 
@@ -216,7 +223,7 @@ class Run:
             state = {
                 "seconds": self.seconds,
                 "history": self.history,
-                "dataset": dataset_note(self.reader),
+                "dataset": self._dataset_note(),
                 "init": self.origin,
             }
             path = self.out / checkpoint.LAST
@@ -229,15 +236,18 @@ class Run:
         self.save()
 
     def _start_log(self, resume: bool) -> None:
-        self.out.mkdir(parents=True, exist_ok=True)
         log = self.out / "log.csv"
         rows: list[list[str]] = []
-        if resume and log.exists():
-            with log.open(newline="") as file:
-                # Lines after the checkpoint belong to steps that are taken again.
-                rows = [row for row in list(csv.reader(file))[1:] if int(row[0]) <= self.step]
-        with log.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([LOG_COLUMNS, *rows])
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+            if resume and log.exists():
+                with log.open(newline="") as file:
+                    # Lines after the checkpoint belong to steps that are taken again.
+                    rows = [row for row in list(csv.reader(file))[1:] if int(row[0]) <= self.step]
+            with log.open("w", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([LOG_COLUMNS, *rows])
+        except OSError as error:
+            raise StorageFailed("out", "must be a folder that can be written", error) from error
 
     def _log(self, report: dict[str, Tensor], bar: tqdm[Any]) -> None:
         values = {name: value.item() for name, value in report.items()}
@@ -247,22 +257,28 @@ class Run:
             csv.DictWriter(file, LOG_COLUMNS, restval="", lineterminator="\n").writerow(row)
 
     def _write_summary(self) -> None:
-        summary = {"config": self.config.as_dict(), "dataset": dataset_note(self.reader), "validation": self.history}
+        summary = {"config": self.config.as_dict(), "dataset": self._dataset_note(), "validation": self.history}
         (self.out / "log.json").write_text(json.dumps(summary, indent=1) + "\n")
+
+    def _dataset_note(self) -> dict[str, Any]:
+        """Say which data the run sees: ``pairs`` counts those that it learns from, ``held_out`` those it does not."""
+        counts = {"pairs": len(self.train_pairs), "held_out": len(self.held_out)}
+        return {"name": self.reader.name, "sha256": self.reader.sha256, **counts}
 
 
 def split_pairs(reader: DatasetReader, config: TrainConfig) -> tuple[list[int], list[int]]:
-    """Return the indices trained on and those held out, the last ones of the split."""
-    if not 0 <= config.held_out < len(reader):
-        raise InvalidArgument("held_out", f"must leave some of the {len(reader)} pairs to train on", config.held_out)
+    """Return the indices trained on and those held out, the last ones of the split.
+
+    Raises InvalidArgument when there are not as many as the settings ask for.
+    """
+    require_pairs(reader)
     border = len(reader) - config.held_out
-    pairs = list(range(border))
-    return pairs[: config.train_pairs], list(range(border, len(reader)))
-
-
-def dataset_note(reader: DatasetReader) -> dict[str, Any]:
-    """Say which data a run has seen."""
-    return {"name": reader.name, "sha256": reader.sha256, "pairs": len(reader)}
+    if border < 1:
+        raise InvalidArgument("held_out", f"must leave some of the {len(reader)} pairs to train on", config.held_out)
+    wanted = border if config.train_pairs is None else config.train_pairs
+    if wanted > border:
+        raise InvalidArgument("train_pairs", f"must be at most {border}: the pairs that are not held out", wanted)
+    return list(range(wanted)), list(range(border, len(reader)))
 
 
 def bf16_pays(device: torch.device) -> bool:
@@ -273,10 +289,11 @@ def bf16_pays(device: torch.device) -> bool:
 
 
 def _device(name: str) -> torch.device:
-    if name == "auto":
-        local = os.environ.get("LOCAL_RANK", "0")
-        return torch.device("cuda", int(local)) if torch.cuda.is_available() else torch.device("cpu")
-    return torch.device(name)
+    if name == "cpu" or (name == "auto" and not torch.cuda.is_available()):
+        return torch.device("cpu")
+    if not torch.cuda.is_available():
+        raise ProviderUnavailable("device", "must be there, and torch finds no card", name)
+    return torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
 
 
 def _optimiser(network: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:

@@ -58,6 +58,8 @@ class StereoNetwork(nn.Module, ABC):
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
     plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
     usual_width: int | None = None  # width at which frames are to be seen, px; None: any
+    # Height and width of a training crop, px: wide, so that the band without a match on the left stays small.
+    usual_crop: tuple[int, int] = (256, 512)
     confidence: ConfidenceHead
 
     @property
