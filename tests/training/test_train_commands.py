@@ -1,8 +1,17 @@
 import json
+from dataclasses import replace
 
+import numpy as np
+import onnxruntime as ort
 import pytest
 
 from endosdk.cli import main
+from endosdk.dataset import DatasetReader, Sample, write_record, write_sample
+from endosdk.models import shipped_weights
+from endosdk.training import checkpoint
+from endosdk.training.config import TrainConfig
+from endosdk.training.release import release
+from endosdk.training.train import train
 
 
 def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
@@ -21,14 +30,25 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     assert report["training"]["test"]["pairs"] == 2
     assert report["training"]["test"]["all"]["epe_px"] > 0
     assert report["training"]["data"]["name"] == "warped"
-
-    import onnxruntime as ort
+    assert (report["training"]["data"]["pairs"], report["training"]["data"]["held_out"]) == (9, 1)
+    assert (report["training"]["recipe"]["train_pairs"], report["training"]["recipe"]["held_out"]) == (None, 1)
 
     metadata = ort.InferenceSession(model).get_modelmeta().custom_metadata_map
     assert (metadata["endosdk.name"], metadata["endosdk.version"]) == ("trial", "7")
     assert json.loads(metadata["endosdk.training"]) == report["training"]
     assert metadata["endosdk.max_disparity"] == "48"
     assert str(tmp_path) not in metadata["endosdk.training"]
+
+    # Weights alone can be exported where a set to score them on is given.
+    again = tmp_path / "again.onnx"
+    assert main(["export", str(weights), "--out", str(again), "--data", str(dataset_root)]) == 0
+    capsys.readouterr()
+    for given, named in (
+        ([], "data: must be given"),
+        (["--data", str(dataset_root), "--int8", str(again)], "int8: needs the pairs that were trained on"),
+    ):
+        assert main(["export", str(weights), "--out", str(again), *given]) == 2
+        assert named in capsys.readouterr().err
 
     # Both ways on: from what was kept, and from weights that come with the package.
     for start in (str(weights), "fast"):
@@ -42,7 +62,12 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
         (["train", "--data", "nowhere", "--out", "run"], "dataset.json"),
         (["train", "--data", "x", "--out", "run", "--network", "no-such"], "wang2020"),
         (["train", "--out", "nowhere", "--resume"], "checkpoint"),
+        (["train", "--out", "run"], "data: must name the folder of a data set"),
+        (["train", "--data", "x", "--out", "run", "--workers", "-1"], "workers: must be within 0.."),
+        (["train", "--data", "x", "--out", "run", "--device", "gpu"], "device: must be one of auto, cpu, cuda"),
         (["export", "nowhere", "--out", "model.onnx"], "checkpoint"),
+        (["export", "nowhere", "--out", "."], "out: must be a file that ends in .onnx"),
+        (["export", "nowhere", "--out", "model.onnx", "--layout", "kitti"], "layout: is that of --data"),
     ],
 )
 def test_bad_input_is_one_line_and_status_two(words, part, tmp_path, monkeypatch, capsys):
@@ -52,3 +77,49 @@ def test_bad_input_is_one_line_and_status_two(words, part, tmp_path, monkeypatch
     assert part in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_path, monkeypatch):
+    config = TrainConfig(network="fast", data=str(dataset_root), crop=(64, 128), train_pairs=6, held_out=3, steps=1)
+    train(replace(config, batch=1), tmp_path / "run")
+    model, int8 = tmp_path / "m.onnx", tmp_path / "m8.onnx"
+    read = []
+    original = DatasetReader.__getitem__
+    monkeypatch.setattr(
+        DatasetReader,
+        "__getitem__",
+        lambda self, index: read.append((self.split, self.ids[index])) or original(self, index),
+    )
+    release(checkpoint.load(tmp_path / "run"), model, int8=int8)
+    assert {name for split, name in read if split == "train"} == {f"{index:04d}" for index in range(6)}
+    recorded = json.loads(ort.InferenceSession(int8).get_modelmeta().custom_metadata_map["endosdk.training"])
+    assert recorded["quantisation"]["pairs"] == recorded["data"]["pairs"] == 6
+
+
+def test_a_set_without_test_pairs_is_named_at_once(tmp_path, capsys):
+    picture, truth = np.zeros((64, 128, 3), np.uint8), np.full((64, 128), 9.0, np.float32)
+    sample = write_sample(tmp_path, "train", Sample("0", picture, picture, truth, None, None, 200.0, 5.0))
+    write_record(tmp_path, {"format_version": 1, "name": "bare", "samples": {"train": {"0": sample}, "test": {}}})
+    weights = str(shipped_weights()["fast"])
+    assert main(["export", weights, "--out", str(tmp_path / "m.onnx"), "--data", str(tmp_path)]) == 2
+    assert "data: must have pairs in its split test; got none in bare" in capsys.readouterr().err
+    assert (
+        main(
+            [
+                "train",
+                "--data",
+                str(tmp_path),
+                "--out",
+                str(tmp_path / "dataset.json"),
+                "--held-out",
+                "0",
+                "--network",
+                "fast",
+                "--crop",
+                "64",
+                "128",
+            ]
+        )
+        == 2
+    )
+    assert "out: must be a folder that can be written" in capsys.readouterr().err

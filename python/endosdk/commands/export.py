@@ -14,20 +14,33 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", help="name under which the model is loaded (default: that of the network)")
     parser.add_argument("--model-version", default="1", help="version of the weights (default: %(default)s)")
     parser.add_argument(
-        "--data", type=Path, metavar="DIR", help="score the model on the test split; parity frames come from there too"
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="score the model on its test split, where parity frames come from too (default: the data of the run)",
     )
     parser.add_argument(
-        "--int8", type=Path, metavar="FILE", help="write the form in 8-bit integers too; its name is that of the file"
+        "--int8",
+        type=Path,
+        metavar="FILE",
+        help="write the form in 8-bit integers too, named for its file; ranges come from the data of the run",
     )
     parser.add_argument("--weights", type=Path, metavar="FILE", help="write the weights too, to train on from there")
-    parser.add_argument("--layout", default="endosdk", help="layout of the data set (default: %(default)s)")
+    parser.add_argument("--layout", help="how the set of --data is laid out (default: endosdk)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Export, compare with torch, and write the figures beside the file."""
+    from endosdk.errors import InvalidArgument
     from endosdk.training import checkpoint
     from endosdk.training.release import release
 
+    for name, ending in (("out", ".onnx"), ("int8", ".onnx"), ("weights", ".safetensors")):
+        file = getattr(args, name)
+        if file is not None and file.suffix != ending:
+            raise InvalidArgument(name, f"must be a file that ends in {ending}", file)
+    if args.layout is not None and args.data is None:
+        raise InvalidArgument("layout", "is that of --data; give both", args.layout)
     trained = checkpoint.load(args.run)
     report = release(
         trained,
@@ -35,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         name=args.name,
         version=args.model_version,
         data=args.data,
-        layout=args.layout,
+        layout=args.layout or "endosdk",
         int8=args.int8,
     )
     if args.weights:

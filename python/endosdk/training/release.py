@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from endosdk.dataset import DatasetReader
 from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
-from endosdk.evaluation import estimator_method, evaluate
+from endosdk.evaluation import estimator_method, evaluate, require_pairs
 from endosdk.machine import machine_record
 from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.evaluate import full_scores
@@ -15,11 +16,13 @@ from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import describe_quantised, quantize_model
+from endosdk.training.train import split_pairs
 
-RANGE_PAIRS = 48  # on which the ranges of 8-bit integers are measured, spread over the training split
+RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges of 8-bit integers
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.
 RECIPE = (
-    "loss balance coarse_weight optimiser rate final_rate steps batch crop refine_from_step refine_crop augment seed"
+    "train_pairs held_out loss balance coarse_weight optimiser rate final_rate steps batch crop refine_from_step "
+    "refine_crop augment seed"
 ).split()
 
 
@@ -35,13 +38,13 @@ def release(
 ) -> dict[str, Any]:
     """Write the model file and return its scores on the test split and the parity with torch.
 
-    ``data`` is the set whose test split is used, by default the one that the run was trained on. With ``int8`` the
-    8-bit form is written there, named for its file; ranges are measured on pairs that the run was trained on.
+    ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on.
+    With ``int8`` the 8-bit form is written there, named for its file; ranges are measured on pairs that the run was
+    trained on. Weights that were kept without their run do not say where its data lies: they need ``data``, and have
+    no 8-bit form. Raises InvalidArgument for these, and for a test split without pairs.
     """
-    seen = open_dataset(Path(trained.config.data), "train", layout=trained.config.layout)
-    reader = open_dataset(data if data is not None else Path(trained.config.data), "test", layout=layout)
-    if len(reader) == 0:
-        raise InvalidArgument("data", "must have pairs in its test split", reader.name)
+    reader = _test_split(trained, data, layout)
+    ranges = None if int8 is None else _range_pairs(trained)  # before the scoring, which takes minutes
     keep_freed_memory()  # the frames of the test split go through torch on the CPU
     network = trained.build()
     scores = full_scores(network, reader)
@@ -59,9 +62,29 @@ def release(
     sample = reader[0]
     parity = check_parity(network, path, parity_pairs(sample.left, sample.right))
     report = {"model": info.name, "version": version, "training": training, "parity": parity, "machine": machine}
-    if int8 is not None:
-        quantize_model(path, int8, seen, range(0, len(seen), max(1, len(seen) // RANGE_PAIRS)))
+    if int8 is not None and ranges is not None:
+        quantize_model(path, int8, *ranges)
         int8_scores = evaluate(estimator_method(str(int8)), reader)
         describe_quantised(int8, int8.stem, {"name": reader.name, "sha256": reader.sha256, **int8_scores})
         report["int8"] = int8_scores
     return report
+
+
+def _test_split(trained: Checkpoint, data: Path | None, layout: str) -> DatasetReader:
+    if data is None:
+        if not trained.config.data:
+            raise InvalidArgument("data", "must be given: weights alone do not say where their data lies", "nothing")
+        data, layout = Path(trained.config.data), trained.config.layout
+    reader = open_dataset(data, "test", layout=layout)
+    require_pairs(reader)
+    return reader
+
+
+def _range_pairs(trained: Checkpoint) -> tuple[DatasetReader, list[int]]:
+    """Return the training split of a run and the pairs of it on which ranges are measured."""
+    if not trained.config.data:
+        rule = "needs the pairs that were trained on, and weights alone do not say where they lie: export the run"
+        raise InvalidArgument("int8", rule, trained.config.network)
+    reader = open_dataset(Path(trained.config.data), "train", layout=trained.config.layout)
+    pairs, _ = split_pairs(reader, trained.config)
+    return reader, pairs[:: max(1, len(pairs) // RANGE_PAIRS)]
