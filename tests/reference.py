@@ -37,15 +37,30 @@ def valid_mask(map_x: np.ndarray, map_y: np.ndarray, width: int, height: int) ->
 
 
 def reduce(image: np.ndarray, factor: int) -> np.ndarray:
-    """Means over blocks of factor x factor pixels of uint8 [H, W, C], rounded half up; no part blocks."""
-    height, width = (side // factor for side in image.shape[:2])
-    blocks = image[: height * factor, : width * factor].astype(int).reshape(height, factor, width, factor, -1)
-    return (blocks.sum(axis=(1, 3)) + factor * factor // 2) // (factor * factor)
+    """Means over blocks of factor x factor pixels of uint8 [H, W, C], or what there is of them, rounded half up."""
+    height, width = (-(-side // factor) for side in image.shape[:2])
+    out = np.empty((height, width, image.shape[2]), int)
+    for y in range(height):
+        for x in range(width):
+            block = image[y * factor : (y + 1) * factor, x * factor : (x + 1) * factor].astype(int)
+            count = block.shape[0] * block.shape[1]
+            out[y, x] = (block.sum(axis=(0, 1)) + count // 2) // count
+    return out
 
 
-def remap(image: np.ndarray, map_x: np.ndarray, map_y: np.ndarray) -> np.ndarray:
-    """Bilinear samples of uint8 [H, W, C] at float positions, black outside, as float64 [height, width, C]."""
+def remap(
+    image: np.ndarray, map_x: np.ndarray, map_y: np.ndarray, whole: tuple[float, float] | None = None
+) -> np.ndarray:
+    """Bilinear samples of uint8 [H, W, C] at float positions, black outside, as float64 [height, width, C].
+
+    Positions fade into black over one pixel beyond the outermost ones; with ``whole``, (width, height) of the area that
+    holds pixels, they read those pixels up to half a pixel beyond, and black from there on.
+    """
     height, width = image.shape[:2]
+    if whole is not None:
+        inside = (map_x > -0.5) & (map_y > -0.5) & (map_x < whole[0] - 0.5) & (map_y < whole[1] - 0.5)
+        samples = remap(image, np.clip(map_x, 0, width - 1), np.clip(map_y, 0, height - 1))
+        return np.where(inside[..., None], samples, 0)
     framed = np.zeros((height + 2, width + 2, image.shape[2]))
     framed[1:-1, 1:-1] = image
     x = np.clip(map_x, -1, width) + 1
@@ -124,6 +139,7 @@ def reasons(
         usable = disparity > 0
     else:
         usable = (disparity + np.float32(doffs) > 0) & (depth >= depth_range[0]) & (depth <= depth_range[1])
+        usable &= np.isfinite(depth) & (depth > 0)
     within = (disparity >= np.float32(disparity_begin)) & (disparity < np.float32(disparity_end))
     bits[~(usable & finite & within)] |= OUT_OF_RANGE
     if image is not None:

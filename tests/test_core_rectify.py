@@ -272,8 +272,35 @@ def test_a_much_smaller_picture_is_made_of_the_mean_of_blocks(
         reduced = reference.reduce(frame.reshape(height, width, -1), factor)
         matrix = matrix / [[factor], [factor], [1]]
         matrix[:2, 2] -= 0.5 * (factor - 1) / factor  # the first pixel lies in the middle of the first block
-        twin = reference.remap(reduced, *reference.source_map(model, matrix, *rest, out_size))
+        twin_map = reference.source_map(model, matrix, *rest, out_size)
+        twin = reference.remap(reduced, *twin_map, whole=(width / factor, height / factor))
         assert_close(result, reference.planar(twin, order, out_size[1], out_size[0]))
+
+
+@every_isa
+@pytest.mark.parametrize(
+    ("size", "out_size"),
+    [
+        ((1600, 1200), (480, 360)),
+        ((191, 107), (48, 27)),
+        ((20, 15), (30, 22)),
+        ((100, 75), (70, 53)),
+        ((17, 9), (8, 4)),
+    ],
+)
+def test_a_picture_that_is_only_resized_keeps_its_border(isa: str, size: tuple, out_size: tuple) -> None:
+    _core.set_isa(isa)
+    width, height = size
+    K = np.array([[float(width), 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1]])
+    P = np.hstack([K, np.zeros((3, 1))])
+    P[:2, 2] += 0.5
+    P[:2] *= np.array([[out_size[0] / width], [out_size[1] / height]])
+    P[:2, 2] -= 0.5
+    view = ("pinhole", K, np.zeros(0), np.eye(3), P)
+    white = np.full((height, width, 3), 255, np.uint8)
+    rectifier = _core.Rectifier(width, height, *out_size, view, view, True)
+    left, right = rectify(rectifier, white, white, "rgb", out_size[1], out_size[0])
+    assert left.min() == right.min() == 255
 
 
 def test_a_fine_pattern_becomes_its_mean_and_not_another_pattern() -> None:

@@ -201,11 +201,12 @@ py::tuple undistort_map(const std::string& model, const Doubles& k, const Double
 }
 
 Rectifier make_rectifier(int width, int height, int out_width, int out_height, const ViewTuple& left,
-                         const ViewTuple& right) {
+                         const ViewTuple& right, bool whole_border) {
   const ViewGeometry left_view = view_geometry(left, "left");
   const ViewGeometry right_view = view_geometry(right, "right");
   const py::gil_scoped_release release;
-  return {{width, height}, {out_width, out_height}, left_view, right_view};
+  const Border border = whole_border ? Border::whole : Border::fading;
+  return {{width, height}, {out_width, out_height}, left_view, right_view, border};
 }
 
 // The pair of frames and outputs that rectify and pack share.
@@ -225,8 +226,9 @@ struct Pair {
 void rectify_arrays(const Rectifier& rectifier, const py::array& left, const py::array& right, py::array& out_left,
                     py::array& out_right, const std::string& order) {
   const Pair pair(left, right, out_left, out_right, order);
+  thread_local RectifyScratch scratch;  // a rectifier may serve several threads
   const py::gil_scoped_release release;
-  rectifier.rectify(pair.left, pair.right, pair.out_left, pair.out_right, pair.order);
+  rectifier.rectify(pair.left, pair.right, pair.out_left, pair.out_right, pair.order, scratch);
 }
 
 bool same_pixel_arrays(const py::array& left, const py::array& right) {
@@ -318,7 +320,7 @@ void bind_rectification(py::module_& m) {
         arg("height"), "Raw x and y of every rectified pixel, float32; NaN for rays that point backwards.");
   py::class_<Rectifier>(m, "Rectifier", "Turns raw pairs into rectified planar RGB; immutable once built.")
       .def(py::init(&make_rectifier), arg("width"), arg("height"), arg("out_width"), arg("out_height"), arg("left"),
-           arg("right"))
+           arg("right"), arg("whole_border") = false)
       .def("rectify", &rectify_arrays, arg("left").noconvert(), arg("right").noconvert(), arg("out_left").noconvert(),
            arg("out_right").noconvert(), arg("order"), "Rectify one pair into given arrays.")
       .def_property_readonly("valid_left", [](const Rectifier& r) { return valid_mask(r, r.valid_left()); })

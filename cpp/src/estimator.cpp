@@ -80,24 +80,27 @@ std::optional<Rig> Estimator::calibration() const {
   return rig_;
 }
 
-void Estimator::make_frames(Size frame) {
+void Estimator::make_frames(Size frame, const Running& running) {
   if (frames_ && frames_->stage.frame().width == frame.width && frames_->stage.frame().height == frame.height) return;
   const Size usual = usual_network_size(frame, session_.info().usual_width);
-  RectifyStage stage(frame, rig_ ? &*rig_ : nullptr, settings_.network.value_or(usual));
+  RectifyStage stage(frame, rig_ ? &*rig_ : nullptr, settings_.network.value_or(usual), [&] { running.check(); });
   Session::Buffers buffers(session_, stage.picture());
   const size_t pixels = static_cast<size_t>(frame.width) * static_cast<size_t>(frame.height);
-  frames_ = std::make_unique<Frames>(Frames{std::move(stage), std::move(buffers), SpareMaps(pixels), {}});
+  frames_ = std::make_unique<Frames>(Frames{std::move(stage), std::move(buffers), SpareMaps(pixels), {}, {}});
   has_picture_ = false;
 }
 
 void Estimator::prepare(Size frame) {
   const std::lock_guard lock(calls_);
-  make_frames(frame);
+  const ThreadCount threads(settings_.session.threads);
+  const Running running(*this);
+  make_frames(frame, running);
+  has_picture_ = false;
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
   const std::vector<uint8_t> black(static_cast<size_t>(frame.width) * static_cast<size_t>(frame.height) * 3);
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
-  compute({view, view, ChannelOrder::rgb}, frames_->spare.complete({}));
-  has_picture_ = false;
+  running.check();
+  compute({view, view, ChannelOrder::rgb}, frames_->spare.complete({}), running);
 }
 
 FrameReport Estimator::predict(const FramePair& pair, const MapsOut& wanted) {
@@ -105,9 +108,16 @@ FrameReport Estimator::predict(const FramePair& pair, const MapsOut& wanted) {
   try {
     require(rig_ || !wanted.wants_depth(), ENDO_CALIBRATION_REQUIRED, "result",
             "depth and sigma need a calibration: call endo_set_calibration", "no calibration");
-    make_frames({pair.left.width, pair.left.height});
+    check_source(pair.left, pair.order, "left");
+    check_source(pair.right, pair.order, "right");
+    const ThreadCount threads(settings_.session.threads);
+    const Running running(*this);
+    const Clock::time_point started = Clock::now();
+    make_frames({pair.left.width, pair.left.height}, running);
     has_picture_ = false;
-    FrameReport report = compute(pair, frames_->spare.complete(wanted));
+    const double prepare_ms = milliseconds(started, Clock::now());
+    FrameReport report = compute(pair, frames_->spare.complete(wanted), running);
+    report.rectify_ms += prepare_ms;
     has_picture_ = true;
     count(report);
     return report;
@@ -117,12 +127,10 @@ FrameReport Estimator::predict(const FramePair& pair, const MapsOut& wanted) {
   }
 }
 
-FrameReport Estimator::compute(const FramePair& pair, const MapsOut& maps) {
+FrameReport Estimator::compute(const FramePair& pair, const MapsOut& maps, const Running& running) {
   Frames& f = *frames_;
-  const ThreadCount threads(settings_.session.threads);
-  const Running running(*this);
   const Clock::time_point started = Clock::now();
-  f.stage(pair.left, pair.right, f.buffers.left(), f.buffers.right(), pair.order);
+  f.stage(pair.left, pair.right, f.buffers.left(), f.buffers.right(), pair.order, f.rectify_scratch);
   running.check();
   const Clock::time_point rectified = Clock::now();
   try {

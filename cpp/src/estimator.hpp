@@ -65,14 +65,15 @@ class Estimator {
     RectifyStage stage;
     Session::Buffers buffers;
     SpareMaps spare;
+    RectifyScratch rectify_scratch;
     PostprocessScratch scratch;
 
     size_t pixels() const { return static_cast<size_t>(stage.frame().width) * static_cast<size_t>(stage.frame().height); }
   };
   class Running;
 
-  void make_frames(Size frame);
-  FrameReport compute(const FramePair& pair, const MapsOut& maps);
+  void make_frames(Size frame, const Running& running);
+  FrameReport compute(const FramePair& pair, const MapsOut& maps, const Running& running);
   int postprocess_frame(const MapsOut& maps, bool same_frames);
   void count(FrameReport& report);
   double nearest_depth_mm() const;  // before the end of the model's range; NaN where that is not known

@@ -70,11 +70,28 @@ Mat3 nearest_rotation(const Mat3& a) {
   return q;
 }
 
+namespace {
+
+// A half turn has no antisymmetric part; its axis is in R = 2 a a^T - 1.
+Vec3 half_turn(const Mat3& r) {
+  constexpr double pi = 3.14159265358979323846;
+  int largest = 0;
+  for (int i = 1; i < 3; ++i) {
+    if (r[4 * i] > r[4 * largest]) largest = i;
+  }
+  Vec3 axis = {r[3 * largest], r[3 * largest + 1], r[3 * largest + 2]};
+  axis[largest] += 1.0;
+  return scale(axis, pi / norm(axis));
+}
+
+}  // namespace
+
 Vec3 rotation_vector(const Mat3& r) {
   const Vec3 axis = {0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1])};
   const double sine = norm(axis);
   const double cosine = 0.5 * (r[0] + r[4] + r[8] - 1.0);
-  if (sine == 0.0) return {0.0, 0.0, 0.0};
+  if (sine == 0.0 && cosine > 0.0) return {0.0, 0.0, 0.0};
+  if (sine == 0.0) return half_turn(r);
   return scale(axis, std::atan2(sine, cosine) / sine);
 }
 

@@ -14,7 +14,8 @@ constexpr int pixels_per_block = 16384;
 void write_steps(const float* values, const uint8_t* reasons, int begin, int end, float steps, uint16_t* out) {
   for (int i = begin; i < end; ++i) {
     const float value = reasons[i] == 0 ? values[i] * steps + 0.5f : 0.0f;
-    out[i] = static_cast<uint16_t>(std::min(value, 65535.0f));
+    // With principal points apart a disparity may be negative; the format has no such numbers.
+    out[i] = static_cast<uint16_t>(std::clamp(value, 0.0f, 65535.0f));
   }
 }
 

@@ -1,12 +1,12 @@
 #include "rectify.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "errors.hpp"
 #include "kernels/kernels.hpp"
 #include "kernels/sample.hpp"
-#include "reduce.hpp"
 #include "threads.hpp"
 
 namespace endosdk {
@@ -31,7 +31,7 @@ int checked_reduction(Size raw, Size rectified) {
 
 // The map out of a frame that has been reduced: its camera has proportionally shorter focal lengths, and its first pixel
 // lies in the middle of the first block.
-ViewMap build(const ViewGeometry& view, Size raw, Size rectified, int factor, const char* name) {
+ViewMap build(const ViewGeometry& view, Size raw, Size rectified, int factor, Border border, const char* name) {
   check_view(view, name);
   ViewGeometry seen = view;
   const double middle = 0.5 * (factor - 1);
@@ -39,7 +39,9 @@ ViewMap build(const ViewGeometry& view, Size raw, Size rectified, int factor, co
   seen.camera.fy /= factor;
   seen.camera.cx = (view.camera.cx - middle) / factor;
   seen.camera.cy = (view.camera.cy - middle) / factor;
-  return {seen, reduced_size(raw, factor), rectified};
+  const MapSource source = {reduced_size(raw, factor), static_cast<double>(raw.width) / factor,
+                            static_cast<double>(raw.height) / factor, factor > 1 ? Border::whole : border};
+  return {seen, source, rectified};
 }
 
 int pixel_or_black(const ImageView& image, int x, int y, int channel) {
@@ -49,44 +51,59 @@ int pixel_or_black(const ImageView& image, int x, int y, int channel) {
 
 }  // namespace
 
-ViewMap::ViewMap(const ViewGeometry& view, Size raw, Size rectified) : size_(rectified) {
+ViewMap::ViewMap(const ViewGeometry& view, const MapSource& source, Size rectified) : size_(rectified) {
   const size_t pixels = rectified.width * rectified.height;
   corner_.resize(pixels);
   fraction_.resize(pixels);
   valid_.resize(pixels);
   const SourceMap map(view);
-  std::vector<std::vector<Span>> rows(rectified.height);
-  for (int y = 0; y < rectified.height; ++y) build_row(map, raw, y, rows[y]);
+  // Side by side only what allocates nothing, and so cannot throw.
+  std::vector<Kind> kinds(pixels);
+  parallel_for(rectified.height, rows_per_block, [&](int begin, int end, int) {
+    for (int y = begin; y < end; ++y) build_row(map, source, y, kinds.data());
+  });
+  row_spans_.reserve(static_cast<size_t>(rectified.height) + 1);
   row_spans_.push_back(0);
-  for (const std::vector<Span>& row : rows) {
-    spans_.insert(spans_.end(), row.begin(), row.end());
+  for (int y = 0; y < rectified.height; ++y) {
+    const Kind* const row = kinds.data() + y * rectified.width;
+    for (int x = 0; x < rectified.width; ++x) {
+      if (x == 0 || row[x] != row[x - 1]) spans_.push_back({x, x, row[x]});
+      spans_.back().end = x + 1;
+    }
     row_spans_.push_back(spans_.size());
   }
 }
 
 // Stores one source position and tells which way of reading it needs.
-ViewMap::Kind ViewMap::place(Point source, Size raw, size_t index) {
-  const bool near = source.x > -1.0 && source.y > -1.0 && source.x < raw.width && source.y < raw.height;
+ViewMap::Kind ViewMap::place(Point position, const MapSource& source, size_t index) {
+  const Size size = source.size;
+  const double rim = source.border == Border::whole ? 0.5 : 1.0;
+  const bool near = position.x > -rim && position.y > -rim && position.x < source.width - 1.0 + rim &&
+                    position.y < source.height - 1.0 + rim;
   if (!near) return Kind::outside;  // also NaN
-  const int x = static_cast<int>(std::lround(source.x * steps_per_pixel));
-  const int y = static_cast<int>(std::lround(source.y * steps_per_pixel));
+  if (source.border == Border::whole) {
+    position.x = std::clamp(position.x, 0.0, size.width - 1.0);
+    position.y = std::clamp(position.y, 0.0, size.height - 1.0);
+  }
+  const int x = static_cast<int>(std::lround(position.x * steps_per_pixel));
+  const int y = static_cast<int>(std::lround(position.y * steps_per_pixel));
   const int x0 = x >> 7;
   const int y0 = y >> 7;
   corner_[index] = static_cast<uint32_t>(x0 & 0xffff) | static_cast<uint32_t>(y0 & 0xffff) << 16;
   fraction_[index] = static_cast<uint16_t>((x & 0x7f) | (y & 0x7f) << 8);
-  const bool inside = x0 >= 0 && y0 >= 0 && x0 + remap_reach <= raw.width && y0 + 1 < raw.height;
+  const bool inside = x0 >= 0 && y0 >= 0 && x0 + remap_reach <= size.width && y0 + 1 < size.height;
   return inside ? Kind::inside : Kind::edge;
 }
 
-void ViewMap::build_row(const SourceMap& map, Size raw, int y, std::vector<Span>& spans) {
+void ViewMap::build_row(const SourceMap& map, const MapSource& source, int y, Kind* kinds) {
+  const double right = source.size.width - 1.0;
+  const double bottom = source.size.height - 1.0;
   for (int x = 0; x < size_.width; ++x) {
     const size_t index = y * size_.width + x;
-    const SourceMap::Source source = map.at(x, y);
-    const Point p = source.pixel;
-    valid_[index] = source.unfolded && p.x >= 0.0 && p.y >= 0.0 && p.x <= raw.width - 1.0 && p.y <= raw.height - 1.0;
-    const Kind kind = place(p, raw, index);
-    if (spans.empty() || spans.back().kind != kind) spans.push_back({x, x, kind});
-    spans.back().end = x + 1;
+    const SourceMap::Source found = map.at(x, y);
+    const Point p = found.pixel;
+    valid_[index] = found.unfolded && p.x >= 0.0 && p.y >= 0.0 && p.x <= right && p.y <= bottom;
+    kinds[index] = place(p, source, index);
   }
 }
 
@@ -132,15 +149,15 @@ void ViewMap::rectify_row(const ImageView& source, ChannelOrder order, int y, co
   pad_right(out, size_.width, y);
 }
 
-Rectifier::Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right)
+Rectifier::Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right, Border border)
     : raw_(raw),
       rectified_(rectified),
       factor_(checked_reduction(raw, rectified)),
-      left_(build(left, raw, rectified, factor_, "left")),
-      right_(build(right, raw, rectified, factor_, "right")) {}
+      left_(build(left, raw, rectified, factor_, border, "left")),
+      right_(build(right, raw, rectified, factor_, border, "right")) {}
 
 void Rectifier::rectify(const ImageView& left, const ImageView& right, const PlanarView& out_left,
-                        const PlanarView& out_right, ChannelOrder order) const {
+                        const PlanarView& out_right, ChannelOrder order, RectifyScratch& scratch) const {
   const auto check = [&](const ImageView& image, const char* name) {
     check_source(image, order, name);
     require(image.width == raw_.width && image.height == raw_.height, name, Text("must be ", size_text(raw_)),
@@ -150,10 +167,9 @@ void Rectifier::rectify(const ImageView& left, const ImageView& right, const Pla
   check(right, "right");
   check_planar(out_left, rectified_.width, rectified_.height, "out_left");
   check_planar(out_right, rectified_.width, rectified_.height, "out_right");
-  thread_local std::vector<uint8_t> reduced[2];  // of the calling thread; kept between frames
   const bool is_large = factor_ > 1;
-  const ImageView seen_left = is_large ? reduce(left, factor_, reduced[0]) : left;
-  const ImageView seen_right = is_large ? reduce(right, factor_, reduced[1]) : right;
+  const ImageView seen_left = is_large ? reduce(left, factor_, scratch.left) : left;
+  const ImageView seen_right = is_large ? reduce(right, factor_, scratch.right) : right;
   const int height = rectified_.height;
   parallel_for(2 * height, rows_per_block, [&](int begin, int end, int) {
     for (int i = begin; i < end; ++i) {

@@ -13,11 +13,17 @@ namespace endosdk {
 // The largest whole factor by which a frame may be reduced and still be no smaller than the picture made of it.
 int reduction(Size raw, Size picture);
 
-// Size after reduction; what fills no block at the right and bottom is left out.
+// Size after reduction; the last block of a row or column may be a part of one.
 Size reduced_size(Size raw, int factor);
 
-// Writes the reduced frame as packed interleaved rows and returns a view of it. `pixels` grows when it must. Each
-// value is the sum of factor x factor values (factor at least 2), divided with rounding half up.
-ImageView reduce(const ImageView& source, int factor, std::vector<uint8_t>& pixels);
+// A reduced frame and what its making needs; kept between frames so that nothing is allocated.
+struct ReducedFrame {
+  std::vector<uint8_t> pixels;
+  std::vector<uint16_t> sums;  // of each worker
+};
+
+// Writes the reduced frame as packed interleaved rows and returns a view of it. Each value is the mean of a block of
+// factor x factor values (factor at least 2), or of what there is of it, rounded half up.
+ImageView reduce(const ImageView& source, int factor, ReducedFrame& out);
 
 }  // namespace endosdk

@@ -135,12 +135,13 @@ Rig::Rig(const endo_calibration& numbers)
 
 Rig Rig::identity(Size size) { return Rig(identity_numbers(size)); }
 
-Rectifier Rig::rectifier(const RectifiedGeometry& target) const {
+Rectifier Rig::rectifier(const RectifiedGeometry& target, Border border) const {
   const Rectification& views = target.views;
   return {size(),
           target.size,
           {camera(numbers_, false), views.left_rotation, views.left_projection},
-          {camera(numbers_, true), views.right_rotation, views.right_projection}};
+          {camera(numbers_, true), views.right_rotation, views.right_projection},
+          border};
 }
 
 }  // namespace endosdk

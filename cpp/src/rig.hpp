@@ -41,7 +41,7 @@ class Rig {
   const std::string& sha256() const { return sha256_; }
 
   // Maps from raw frames to rectified pictures of the given geometry.
-  Rectifier rectifier(const RectifiedGeometry& target) const;
+  Rectifier rectifier(const RectifiedGeometry& target, Border border) const;
 
  private:
   endo_calibration numbers_;

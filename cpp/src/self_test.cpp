@@ -60,12 +60,13 @@ ImageView view_of(const std::vector<uint8_t>& pixels, Size size) {
 // The map of a rig that needs no rectification moves no pixel, so it must give the very bytes of repacking.
 void check_rectifier(const std::vector<uint8_t>& pixels, Size size, const PlanarView& packed) {
   const Rig rig = Rig::identity(size);
-  const Rectifier rectifier = rig.rectifier(rig.geometry());
+  const Rectifier rectifier = rig.rectifier(rig.geometry(), Border::fading);
   std::vector<uint8_t> left(size_t{3} * static_cast<size_t>(packed.width) * static_cast<size_t>(packed.height));
   std::vector<uint8_t> right(left.size());
   const ImageView source = view_of(pixels, size);
+  RectifyScratch scratch;
   rectifier.rectify(source, source, {left.data(), packed.width, packed.height}, {right.data(), packed.width, packed.height},
-                    ChannelOrder::rgb);
+                    ChannelOrder::rgb, scratch);
   require_answer(std::memcmp(left.data(), packed.data, left.size()) == 0, "self test: rectify",
                  "must leave a rectified picture as it is", "other bytes");
 }

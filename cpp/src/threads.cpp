@@ -7,7 +7,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <mutex>
-#include <string>
+#include <system_error>
 #include <thread>
 
 #include "errors.hpp"
@@ -66,7 +66,11 @@ class Pool {
  private:
   void start(int workers) {
     for (; started_ < workers; ++started_) {
-      std::thread([this, worker = started_ + 1, seen = generation_]() mutable { serve(worker, seen); }).detach();
+      try {
+        std::thread([this, worker = started_ + 1, seen = generation_]() mutable { serve(worker, seen); }).detach();
+      } catch (const std::system_error&) {
+        return;  // the system has no thread left: the loop runs on those there are
+      }
     }
   }
 
@@ -132,7 +136,7 @@ int default_thread_count() {
 int thread_count() { return wanted_threads > 0 ? wanted_threads : default_thread_count(); }
 
 void set_thread_count(int count) {
-  require(count >= 1 && count <= max_threads, "threads", "must be 1 to " + std::to_string(max_threads), count);
+  require(count >= 1 && count <= max_threads, "threads", Text("must be 1 to ", max_threads), count);
   wanted_threads = count;
 }
 

@@ -57,16 +57,18 @@ void test_rectify(int width, int height, int gap, ChannelOrder order) {
   const Bytes frame(static_cast<size_t>((width * channels + gap) * (height - 1) + width * channels), 7);
   const ImageView image = strided(frame, width, height, channels, gap);
   const ImageView flipped = {image.row(height - 1), width, height, channels, -image.stride};
-  const Rectifier rectifier({width, height}, {width, height}, view(width, height, 0.05), view(width, height, -0.3));
+  const Rectifier rectifier({width, height}, {width, height}, view(width, height, 0.05), view(width, height, -0.3),
+                            Border::fading);
   const size_t planes = static_cast<size_t>(3 * (width + 5) * (height + 2));
   choose_kernels("plain");
   Bytes expected_left(planes), expected_right(planes);
   const auto planar = [&](Bytes& b) { return PlanarView{b.data.get(), width + 5, height + 2}; };
-  rectifier.rectify(image, flipped, planar(expected_left), planar(expected_right), order);
+  RectifyScratch scratch;
+  rectifier.rectify(image, flipped, planar(expected_left), planar(expected_right), order, scratch);
   for (const char* name : available_sets()) {
     choose_kernels(name);
     Bytes left(planes, 3), right(planes, 4);
-    rectifier.rectify(image, flipped, planar(left), planar(right), order);
+    rectifier.rectify(image, flipped, planar(left), planar(right), order, scratch);
     CHECK(left == expected_left);
     CHECK(right == expected_right);
     pack(image, flipped, planar(left), planar(right), order);

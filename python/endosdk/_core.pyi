@@ -63,9 +63,22 @@ def undistort_map(
     """Raw x and y (float32 [height, width]) of every rectified pixel; NaN for rays that point backwards."""
 
 class Rectifier:
-    """Turns raw pairs into rectified planar RGB. Immutable once built: one object may serve several threads."""
+    """Turns raw pairs into rectified planar RGB. Immutable once built: one object may serve several threads.
 
-    def __init__(self, width: int, height: int, out_width: int, out_height: int, left: _View, right: _View) -> None: ...
+    Positions beyond the middle of the outermost pixels fade into black as by OpenCV; with ``whole_border``, which suits
+    pictures that are only resized, they read those pixels as long as they lie on them.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        out_width: int,
+        out_height: int,
+        left: _View,
+        right: _View,
+        whole_border: bool = False,
+    ) -> None: ...
     def rectify(self, left: _Bytes, right: _Bytes, out_left: _Bytes, out_right: _Bytes, order: _Order | str) -> None:
         """Rectify a pair of uint8 [H, W, 3] ([H, W] or [H, W, 1] for gray; rows may be strided) into given arrays.
 

@@ -51,10 +51,10 @@ class RectifyStage:
             return
         source = calibration if is_raw and calibration else _identity(frame_size)
         geometry = source.rectification()
-        self._rectifier = _rectifier(source, geometry.scaled(*self.size))
+        self._rectifier = _rectifier(source, geometry.scaled(*self.size), whole_border=not is_raw)
         if is_raw:
             # The masks belong to the maps that are returned, which keep the size of the frames.
-            full = self._rectifier if self.size == frame_size else _rectifier(source, geometry)
+            full = self._rectifier if self.size == frame_size else _rectifier(source, geometry, whole_border=False)
             self.valid_left, self.valid_right = full.valid_left, full.valid_right
 
     def __call__(self, left: Frame, right: Frame, out_left: Frame, out_right: Frame, order: str) -> None:
@@ -86,7 +86,7 @@ def _identity(size: tuple[int, int]) -> StereoCalibration:
     return StereoCalibration.rectified(focal_px=float(max(size)), baseline_mm=1.0, size=size)
 
 
-def _rectifier(calibration: StereoCalibration, geometry: RectifiedGeometry) -> _core.Rectifier:
+def _rectifier(calibration: StereoCalibration, geometry: RectifiedGeometry, *, whole_border: bool) -> _core.Rectifier:
     c, g = calibration, geometry
     return _core.Rectifier(
         c.width,
@@ -95,4 +95,5 @@ def _rectifier(calibration: StereoCalibration, geometry: RectifiedGeometry) -> _
         g.height,
         (c.model, c.left_matrix, c.left_distortion, g.R1, g.P1),
         (c.model, c.right_matrix, c.right_distortion, g.R2, g.P2),
+        whole_border,
     )

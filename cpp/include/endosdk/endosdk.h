@@ -225,7 +225,7 @@ typedef struct endo_result {
     uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm, 0 where reasons are set, at most 65535 */
     uint64_t frame;                   /* out: counts the frames of this estimator from 1; 0 when the call failed */
     double valid_share;               /* out: share of pixels that have an answer */
-    double rectify_ms;                /* out: time of each stage */
+    double rectify_ms;                /* out: time of each stage; a size's first frame builds its maps here */
     double session_ms;
     double postprocess_ms;
     int32_t late;                     /* out: 1 when the stages together took longer than options.deadline_ms */

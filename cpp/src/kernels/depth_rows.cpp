@@ -124,7 +124,8 @@ void write_depth(const float* disparity, int count, const DepthLimits limits, in
                  float* __restrict depth) {
   for (int i = 0; i < count; ++i) {
     const float value = limits.focal_baseline / (disparity[i] + limits.doffs);
-    const int usable = (value >= limits.min_depth) & (value <= limits.max_depth);
+    const int number = (value > 0.0f) & (value < infinity);
+    const int usable = number & (value >= limits.min_depth) & (value <= limits.max_depth);
     const int r = reasons[i] | (usable ? 0 : out_of_range);
     reasons[i] = r;
     depth[i] = r == 0 ? value : __builtin_nanf("");

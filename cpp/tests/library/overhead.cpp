@@ -25,14 +25,14 @@ class Bare {
       : rig_(numbers),
         session_(Runtime::open(at.runtime, {}), read_model(at.model, ""), {"cpu", threads, true}, {}),
         picture_(usual_network_size(frame, session_.info().usual_width)),
-        rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_))),
-        full_(rig_.rectifier(rig_.geometry())),
+        rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_), Border::fading)),
+        full_(rig_.rectifier(rig_.geometry(), Border::fading)),
         buffers_(session_, picture_) {}
 
   void predict(const Pair& pair, Output& out) {
     const ImageView left = {pair.left.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
     const ImageView right = {pair.right.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
-    rectifier_.rectify(left, right, buffers_.left(), buffers_.right(), ChannelOrder::rgb);
+    rectifier_.rectify(left, right, buffers_.left(), buffers_.right(), ChannelOrder::rgb, scratch_);
     session_.run(buffers_);
     const int stride = session_.info().output_stride;
     const RectifiedGeometry& g = rig_.geometry();
@@ -61,6 +61,7 @@ class Bare {
   Session session_;
   Size picture_;  // as the network sees the frame
   Rectifier rectifier_;
+  RectifyScratch scratch_;
   Rectifier full_;  // for the masks, which have the frame's size
   Session::Buffers buffers_;
 };
