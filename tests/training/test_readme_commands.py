@@ -1,0 +1,49 @@
+"""The README's commands for research, run as they stand there, on a small set in place of the rendered one."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from endosdk.cli import main
+from endosdk.dataset import SPLITS, Sample, write_record, write_sample
+from tests.training.warped_scenes import warped_pair
+
+README = Path(__file__).parents[2] / "README.md"
+FRAME = (720, 960)  # of simulate, unless it is told otherwise
+
+
+def commands(verb):
+    lines = re.findall(rf"^endosdk {verb} [^#\n]*", README.read_text(), re.MULTILINE)
+    return [shlex.split(line)[1:] for line in lines]
+
+
+@pytest.fixture
+def rendered(tmp_path, monkeypatch):
+    """The folders that the README names, and in them sets with as few pairs as training takes."""
+    monkeypatch.chdir(tmp_path)
+    for root in (Path("data/mix"), Path("data/mine")):
+        root.mkdir(parents=True)
+        hashes = {split: {} for split in SPLITS}
+        for split, seeds in (("train", range(9)), ("test", range(100, 101))):
+            for seed in seeds:
+                left, right, truth = warped_pair(seed, FRAME, (8.0, 60.0))
+                sample = Sample(f"{seed:04d}", left, right, truth, None, None, focal_px=400.0, baseline_mm=10.0)
+                hashes[split][sample.id] = write_sample(root, split, sample)
+        write_record(root, {"format_version": 1, "name": root.name, "samples": hashes})
+
+
+def test_the_set_that_is_rendered_has_pairs_for_the_commands_after_it():
+    (words,) = commands("simulate")
+    assert int(words[words.index("--pairs") + 1]) > 8
+    assert int(words[words.index("--test-pairs") + 1]) > 0
+
+
+def test_the_commands_run_one_after_the_other(rendered):
+    trainings, exports, evaluations = (commands(verb) for verb in ("train", "export", "evaluate"))
+    assert len(trainings) == 2 and len(exports) == len(evaluations) == 1
+    for words in trainings:
+        assert main([*words, "--steps", "1"]) == 0
+    for words in (*exports, *evaluations):
+        assert main(words) == 0
