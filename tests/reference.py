@@ -111,12 +111,11 @@ def reasons(
     depth: np.ndarray | None = None,
     depth_range: tuple[float, float] = (0.0, np.inf),
     doffs: float = 0.0,
-    disparity_begin: float = -np.inf,
     disparity_end: float = np.inf,
 ) -> np.ndarray:
     """Reason bits of full-size float32 maps; with ``depth`` the range is tested, without it only the sign.
 
-    Below ``disparity_begin`` and from ``disparity_end`` on, px of these maps, the network finds nothing.
+    From ``disparity_end`` on, px of these maps, the network finds nothing.
     """
     height, width = disparity.shape
     finite = np.isfinite(disparity)
@@ -140,8 +139,7 @@ def reasons(
     else:
         usable = (disparity + np.float32(doffs) > 0) & (depth >= depth_range[0]) & (depth <= depth_range[1])
         usable &= np.isfinite(depth) & (depth > 0)
-    within = (disparity >= np.float32(disparity_begin)) & (disparity < np.float32(disparity_end))
-    bits[~(usable & finite & within)] |= OUT_OF_RANGE
+    bits[~(usable & finite & (disparity < np.float32(disparity_end)))] |= OUT_OF_RANGE
     if image is not None:
         bits[(image[:, :height, :width] >= 250).all(axis=0)] |= SATURATED
     return bits

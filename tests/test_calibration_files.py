@@ -50,6 +50,18 @@ def test_own_file_round_trips_exactly(tmp_path: Path, rig: StereoCalibration) ->
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.json", "rig.json"]
 
 
+@pytest.mark.parametrize("name", ["rig.yaml", "rig.yml", "rig.xml", "rig.txt", "rig"])
+def test_own_file_is_known_by_its_content(tmp_path: Path, name: str) -> None:
+    RIG.save(tmp_path / name)
+    assert load(tmp_path / name) == RIG
+
+
+@pytest.mark.parametrize("path", [None, 5, ["rig.json"]])
+def test_save_wants_a_file_name(path: Any) -> None:
+    with pytest.raises(InvalidArgument, match="path: must be a file name"):
+        RIG.save(path)
+
+
 def edited(tmp_path: Path, **changes: Any) -> Path:
     """Save the rig and replace single entries of the JSON; None removes one."""
     path = tmp_path / "rig.json"

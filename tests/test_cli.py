@@ -65,6 +65,35 @@ def test_unrectified_pair_is_called_out(tmp_path, capsys):
     assert "not rectified" in capsys.readouterr().out
 
 
+def test_a_row_offset_is_in_pixels_of_the_frame(tmp_path, capsys):
+    left, right = shifted_pair(480, 640, 12)
+    right = np.roll(right, 3, axis=0)
+    pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
+    options = ["--model", str(TINY_MODEL), "--frames", "0", "--network-size", "160x120", "--out", str(tmp_path / "o")]
+    assert main(["predict", *pair, *options]) == 0
+    assert "rows differ by 3.0 px" in capsys.readouterr().out
+
+
+def test_an_interrupt_is_no_traceback(monkeypatch, capsys):
+    import endosdk.commands.doctor
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(endosdk.commands.doctor, "run", interrupted)
+    assert main(["doctor"]) == 130
+    assert capsys.readouterr().err == "endosdk doctor: interrupted\n"
+
+
+def test_a_reader_that_goes_away_is_no_traceback():
+    program = "import sys; from endosdk.cli import main; sys.exit(main(['doctor']))"
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as doctor:
+        doctor.stdout.close()
+        told = doctor.stderr.read()
+        assert doctor.wait(timeout=60) == 141
+    assert b"Traceback" not in told and b"BrokenPipe" not in told
+
+
 def test_bad_input_is_one_line_and_status_2(tmp_path, capsys):
     left, _ = shifted_pair(32, 64, 2)
     path = write(tmp_path / "l.png", left)

@@ -125,7 +125,6 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
             depth=depth if metric else None,
             depth_range=(options.get("min_depth_mm", 0.0), options.get("max_depth_mm", np.inf)),
             doffs=doffs,
-            disparity_begin=0.5 * frame.stride if doffs > 0 else -np.inf,
             disparity_end=(options["last_plane"] - 0.5) * frame.stride if "last_plane" in options else np.inf,
         )
     np.testing.assert_array_equal(out["reasons"], bits)

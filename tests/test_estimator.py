@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import endosdk
-from endosdk import DepthEstimator, Reason, Status, StereoCalibration, errors
+from endosdk import DepthEstimator, Reason, Status, StereoCalibration, _core, errors
 from tests.conftest import TINY_MODEL, shifted_pair, textured_picture
 
 WIDTH, HEIGHT, SHIFT = 160, 96, 12
@@ -274,12 +274,105 @@ def test_calibration_for_another_size_is_refused(pair):
         ("network_size", (0, 10)),
         ("threads", 0),
         ("calibration", "rig.yaml"),
+        ("channel_order", None),
+        ("min_confidence", "0.5"),
+        ("min_confidence", None),
+        ("depth_range_mm", 5),
+        ("depth_range_mm", (1.0, 2.0, 3.0)),
+        ("depth_range_mm", ("1", "2")),
+        ("network_size", "480x360"),
+        ("network_size", 480),
+        ("network_size", (480.5, 360)),
+        ("network_size", (float("inf"), 360)),
+        ("network_size", (10**7, 10**7)),
+        ("threads", float("nan")),
+        ("threads", 1.5),
+        ("threads", 257),
+        ("threads", "2"),
+        ("provider", None),
+        ("provider", ["cpu"]),
     ],
 )
 def test_bad_settings_are_refused(argument, value):
     with pytest.raises(errors.InvalidArgument) as caught:
         DepthEstimator(TINY_MODEL, **{argument: value})
     assert caught.value.argument == argument
+
+
+def test_a_depth_range_without_a_calibration_is_refused():
+    with pytest.raises(errors.CalibrationRequired, match="depth_range_mm"):
+        DepthEstimator(TINY_MODEL, depth_range_mm=(20.0, 200.0))
+
+
+@pytest.mark.parametrize("provider", ["cpu", "CPU", "CPUExecutionProvider", "cpuexecutionprovider"])
+def test_every_name_of_the_processor_loads_the_same_model(provider):
+    estimator = DepthEstimator("fast", provider=provider)
+    assert estimator.diagnostics()["provider"] == "CPUExecutionProvider"
+    assert estimator.model.name == DepthEstimator("fast").model.name
+
+
+def test_threads_are_each_estimators_own(pair):
+    usual = DepthEstimator(TINY_MODEL)
+    alone = DepthEstimator(TINY_MODEL, threads=1)
+    with pytest.raises(errors.ModelNotFound):
+        DepthEstimator("no such model", threads=7)
+    many = DepthEstimator(TINY_MODEL, threads=3)
+    for estimator, threads in (
+        (usual, _core.default_threads()),
+        (alone, 1),
+        (many, 3),
+        (usual, _core.default_threads()),
+    ):
+        estimator.predict(*pair)
+        assert _core.threads() == estimator.diagnostics()["threads"] == threads
+    assert DepthEstimator(TINY_MODEL).diagnostics()["threads"] == _core.default_threads()
+
+
+def test_points_of_pixels_that_are_not_square(pair):
+    rig = StereoCalibration.rectified(focal_px=400.0, baseline_mm=5.0, size=(2 * WIDTH, HEIGHT)).scaled(WIDTH, HEIGHT)
+    result = DepthEstimator(TINY_MODEL, calibration=rig).predict(*pair)
+    points = result.points()
+    rows, columns = np.nonzero(result.reasons == 0)
+    projected = points[rows, columns] @ result.geometry.P1[:, :3].T
+    assert result.geometry.focal_y_px == pytest.approx(2 * result.geometry.focal_px)
+    assert projected[:, 0] / projected[:, 2] == pytest.approx(columns, abs=0.01)
+    assert projected[:, 1] / projected[:, 2] == pytest.approx(rows, abs=0.01)
+
+
+@pytest.mark.parametrize("disparity", [-4, 3, SHIFT])
+def test_a_rectified_rig_with_principal_points_apart_sees_beyond_disparity_zero(disparity):
+    # The right view of a plane is moved, as that of cameras turned towards each other.
+    doffs = 8
+    left, right = shifted_pair(HEIGHT, WIDTH, disparity + doffs)
+    right = np.pad(right, ((0, 0), (doffs, 0), (0, 0)), mode="edge")[:, :WIDTH]
+    rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(WIDTH, HEIGHT), doffs=doffs)
+    estimator = DepthEstimator(TINY_MODEL, calibration=rig)
+    result = estimator.predict(left, right)
+    assert np.median(np.abs(inner(result.disparity) - disparity)) < 0.2
+    assert np.nanmedian(inner(result.depth)) == pytest.approx(200.0 * 5.0 / (disparity + doffs), rel=0.03)
+    assert np.mean(inner(result.reasons) == 0) > 0.8
+    assert result.geometry.doffs == doffs
+
+
+def test_rectify_gives_pictures_under_the_maps(pair):
+    estimator = DepthEstimator(TINY_MODEL, calibration=raw_rig(), network_size=(80, 48))
+    result = estimator.predict(*pair)
+    left, right = estimator.rectify(*pair)
+    assert left.shape == right.shape == (*result.disparity.shape, 3)
+    full = DepthEstimator(TINY_MODEL, calibration=raw_rig(), network_size=(WIDTH, HEIGHT))
+    full.predict(*pair)
+    np.testing.assert_array_equal(np.stack([left, right]), np.stack(full.rectified_pair()))
+    assert DepthEstimator(TINY_MODEL).rectify(*pair)[0] == pytest.approx(pair[0])
+    with pytest.raises(errors.CalibrationSizeMismatch):
+        estimator.rectify(*shifted_pair(64, 128, 4))
+    assert estimator.rectified_pair()[0].shape == (48, 80, 3)
+
+
+def test_results_are_compared_by_identity(pair):
+    estimator = DepthEstimator(TINY_MODEL)
+    first, second = estimator.predict(*pair), estimator.predict(*pair)
+    assert first in [second, first]
+    assert len({first, second, first}) == 2
 
 
 def test_depth_range_limits_the_answer(pair):
@@ -316,8 +409,20 @@ def test_a_model_that_does_not_state_its_last_plane_answers_up_to_it():
 def test_out_of_another_size_is_refused(pair):
     estimator = DepthEstimator(TINY_MODEL)
     small = estimator.predict(*shifted_pair(64, 128, 4))
-    with pytest.raises(errors.InvalidArgument, match="out"):
+    with pytest.raises(errors.InvalidArgument, match="out: must be of frames of this size"):
         estimator.predict(*pair, out=small)
+
+
+def test_out_that_cannot_be_written_is_refused(pair):
+    estimator = DepthEstimator(TINY_MODEL)
+    result = estimator.predict(*pair)
+    with pytest.raises(errors.InvalidArgument, match="out: must be a DepthResult"):
+        estimator.predict(*pair, out=result.disparity)
+    with pytest.raises(errors.InvalidArgument, match="without a calibration"):
+        estimator.predict(*pair, out=DepthEstimator(TINY_MODEL, calibration=rectified_rig()).predict(*pair))
+    result.disparity.flags.writeable = False
+    with pytest.raises(errors.InvalidArgument, match="out: must have maps that can be written"):
+        estimator.predict(*pair, out=result)
 
 
 def test_diagnostics_identify_everything(pair):

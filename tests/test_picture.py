@@ -62,6 +62,13 @@ def test_frame_files_come_back_as_rgb(tmp_path):
     assert np.array_equal(read_frame(tmp_path / "f.png"), left)
 
 
+def test_deep_pictures_are_refused_not_cut(tmp_path):
+    deep = np.full((4, 5, 3), 4080, np.uint16)
+    cv2.imwrite(str(tmp_path / "deep.png"), deep)
+    with pytest.raises(errors.InvalidArgument, match="frame: must have 8 bits per channel; got uint16"):
+        read_frame(tmp_path / "deep.png")
+
+
 def test_broken_picture_is_refused(tmp_path):
     (tmp_path / "x.png").write_bytes(b"no picture")
     with pytest.raises(errors.InvalidArgument, match="OpenCV can read"):

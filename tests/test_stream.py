@@ -1,3 +1,6 @@
+import signal
+import subprocess
+import sys
 import threading
 import time
 import tracemalloc
@@ -6,7 +9,7 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator, errors
-from tests.conftest import TINY_MODEL, shifted_pair
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.rigs import raw_rig
 
 SIZE = (96, 160)
@@ -168,3 +171,60 @@ def test_no_map_is_allocated_per_frame_when_memory_is_reused():
     stream.close()
     # The ruler itself: without reuse every frame brings its maps.
     assert largest_growth(lambda: estimator.predict(left, right)) > 9 * smallest_map
+
+
+class StalledCamera:
+    """Gives some pairs and then none, without ending, until it is told to."""
+
+    def __init__(self, count):
+        self.items = iter(pairs(count))
+        self.wakes = threading.Event()
+
+    def __call__(self):
+        item = next(self.items, None)
+        if item is None:
+            self.wakes.wait(60)
+        return item
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_stream_whose_camera_has_stalled_can_be_left(threads):
+    camera = StalledCamera(4)
+    estimator = DepthEstimator(TINY_MODEL, threads=threads)
+    started = time.monotonic()
+    for number, _ in enumerate(estimator.stream(camera), 1):
+        if number == 4:
+            time.sleep(0.1)  # so that a lane waits in the camera
+            break
+    assert time.monotonic() - started < 5
+    assert len(streaming_threads()) == 1
+    assert list(estimator.stream(pairs(2)))[1].frame == 6
+    camera.wakes.set()
+    deadline = time.monotonic() + 5
+    while streaming_threads() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert streaming_threads() == []
+
+
+def test_one_interrupt_ends_a_program_whose_camera_has_stalled(tmp_path):
+    program = tmp_path / "stalled.py"
+    program.write_text(
+        "import sys, queue\n"
+        f"sys.path.insert(0, {str(ROOT)!r})\n"
+        "from endosdk import DepthEstimator\n"
+        "from tests.conftest import TINY_MODEL, shifted_pair\n"
+        "frames = queue.Queue()\n"
+        "frames.put(shifted_pair(96, 160, 4))\n"
+        "for result in DepthEstimator(TINY_MODEL).stream(frames.get):\n"
+        "    print('frame', flush=True)\n"
+    )
+    with subprocess.Popen([sys.executable, str(program)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as running:
+        assert running.stdout.readline() == b"frame\n"
+        time.sleep(0.2)
+        running.send_signal(signal.SIGINT)
+        assert running.wait(timeout=10) != 0
+
+
+def test_a_function_may_return_what_cannot_be_compared_with_none():
+    with pytest.raises(errors.InvalidArgument, match="source"):
+        list(DepthEstimator(TINY_MODEL).stream(lambda: np.stack(pairs(1)[0])))

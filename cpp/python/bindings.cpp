@@ -262,7 +262,8 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
                        const OptionalArray& image, const OptionalArray& valid_left, const OptionalArray& valid_right,
                        float min_confidence, OptionalArray out_depth, OptionalArray out_sigma, double focal_px,
                        double baseline_mm, double doffs, double min_depth_mm, double max_depth_mm, double image_scale_y,
-                       double image_scale_x, double last_plane, const OptionalArray& right_image, bool same_frames) {
+                       double image_scale_x, double last_plane, const OptionalArray& right_image, bool same_frames,
+                       double right_shift) {
   PostprocessOutput out;
   out.disparity = float_output(out_disparity, "out_disparity");
   const MutableFloatView& size = out.disparity;
@@ -284,6 +285,7 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
   if (image) in.left = planar_view(*image, const_cast<void*>(image->data()), "image");
   if (right_image) in.right = planar_view(*right_image, const_cast<void*>(right_image->data()), "right_image");
   in.same_frames = same_frames;
+  in.right_shift = right_shift;
   in.view_scale = {image_scale_y, image_scale_x};
   in.valid_left = map_of<uint8_t>(valid_left, size, "valid_left");
   in.valid_right = map_of<uint8_t>(valid_right, size, "valid_right");
@@ -340,7 +342,7 @@ void bind_maps(py::module_& m) {
         arg("valid_right"), arg("min_confidence"), arg("out_depth") = py::none(), arg("out_sigma") = py::none(),
         arg("focal_px") = 0.0, arg("baseline_mm") = 0.0, arg("doffs") = 0.0, arg("min_depth_mm") = 0.0,
         arg("max_depth_mm") = std::numeric_limits<double>::infinity(), arg("image_scale_y") = 1.0,
-        arg("image_scale_x") = 1.0, arg("last_plane") = 0.0, arg("right_image") = py::none(), arg("same_frames") = false,
+        arg("image_scale_x") = 1.0, arg("last_plane") = 0.0, arg("right_image") = py::none(), arg("same_frames") = false, arg("right_shift") = 0.0,
         "Fill the full-size maps of one frame; returns the number of usable pixels.");
 }
 

@@ -168,6 +168,7 @@ int Estimator::postprocess_frame(const MapsOut& maps, bool same_frames) {
   in.left = f.buffers.left();
   in.right = f.buffers.right();
   in.same_frames = same_frames;
+  in.right_shift = f.stage.right_shift();
   in.valid_left = f.stage.valid_left();
   in.valid_right = f.stage.valid_right();
   if (rig_) {
@@ -239,7 +240,7 @@ double Estimator::nearest_depth_mm() const {
   if (!rig_ || !frames_ || last_plane == 0) return std::numeric_limits<double>::quiet_NaN();
   const RectifiedGeometry& g = rig_->geometry();
   const double gain = static_cast<double>(frames_->stage.frame().width) / frames_->stage.picture().width;
-  const double farthest_apart = (last_plane - range_margin) * gain + g.doffs();
+  const double farthest_apart = (last_plane - range_margin) * gain + g.doffs() - frames_->stage.right_shift();
   return farthest_apart > 0.0 ? g.focal_px() * g.baseline_mm() / farthest_apart : std::numeric_limits<double>::quiet_NaN();
 }
 

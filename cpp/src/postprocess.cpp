@@ -48,6 +48,7 @@ void check(const PostprocessInput& in, const PostprocessOutput& out) {
   require(std::isfinite(in.last_plane) && in.last_plane >= 0.0, "last_plane", "must be finite and not negative",
           in.last_plane);
   check_scale(in.view_scale, in.gain);
+  require(std::isfinite(in.right_shift), "right_shift", "must be finite", in.right_shift);
   const Size picture = picture_of(in, out);
   if (in.left.data != nullptr) check_planar(in.left, picture.width, picture.height, "image");
   if (in.right.data != nullptr) {
@@ -65,13 +66,9 @@ DepthLimits limits_of(const PostprocessInput& in) {
                              ? static_cast<float>((in.last_plane - range_margin) * static_cast<double>(in.gain))
                              : std::numeric_limits<float>::infinity();
   limits.metric = g.focal_px > 0.0;
-  limits.disparity_begin = -std::numeric_limits<float>::infinity();
   if (limits.metric) {
-    // The other end of the range: with principal points apart, surfaces beyond focal * baseline / doffs lie at negative
-    // disparities, which come out at zero or a little above.
-    if (g.doffs > 0.0) limits.disparity_begin = static_cast<float>(range_margin * static_cast<double>(in.gain));
     limits.focal_baseline = static_cast<float>(g.focal_px * g.baseline_mm);
-    limits.doffs = static_cast<float>(g.doffs);
+    limits.doffs = static_cast<float>(g.doffs - in.right_shift);
     limits.min_depth = static_cast<float>(g.min_depth_mm);
     limits.max_depth = static_cast<float>(g.max_depth_mm);
     // A Laplace law of scale b has standard deviation sqrt(2) b; b = gain / -log(1 - confidence) in frame pixels.
@@ -117,6 +114,7 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
                                              picture_of(input, output), cells, input.same_frames);
   }
   const DepthLimits limits = limits_of(input);
+  const float shift = static_cast<float>(input.right_shift);
   std::atomic<int> usable{0};
   const auto process_rows = [&](int begin, int end, int worker) {
     int count = 0;
@@ -125,6 +123,9 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
       shared.row(confidence, y, 1.0f, worker, output.confidence.row(y));
       const uint8_t* brightness = has_view ? views.row(input.left, y, worker) : nullptr;
       count += kernels().depth_row(row_of(input, output, y, brightness), limits);
+      if (shift != 0.0f) {
+        for (int x = 0; x < output.disparity.width; ++x) output.disparity.row(y)[x] -= shift;
+      }
     }
     usable += count;
   };

@@ -19,8 +19,8 @@ struct DepthGeometry {
   double max_depth_mm = 0.0;  // may be infinite
 };
 
-// Surfaces beyond an end of the network's range come out at that end or a little inside, with high confidence. Answers
-// this close to it, in network pixels, cannot be told from theirs and count as out of range.
+// Surfaces nearer than the last plane come out at it or a little short of it, with high confidence. Answers this close to
+// it, in network pixels, cannot be told from theirs and count as out of range.
 constexpr double range_margin = 0.5;
 
 struct PostprocessInput {
@@ -34,6 +34,7 @@ struct PostprocessInput {
   PlanarView right;  // of the same size; no data: whether the views agree is not tested
   bool same_frames = false;  // as the cameras gave them, see same_pixels(): then no answer is to be trusted
   Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
+  double right_shift = 0.0;  // frame pixels by which the right view was moved to the left before the network saw it
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;
   DepthGeometry geometry;
@@ -55,7 +56,8 @@ struct PostprocessScratch {
   Agreement agreement;
 };
 
-// Returns the number of pixels with no reason against them. Depth (mm) is focal * baseline / (disparity + doffs); sigma
+// Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
+// right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to
 // one network pixel is the confidence. Both are NaN where a pixel has a reason.
 int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch);

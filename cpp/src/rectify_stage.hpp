@@ -13,7 +13,8 @@ namespace endosdk {
 class RectifyStage {
  public:
   // Raw frames of a rig are rectified; frames without a rig, or of a rectified one, are only repacked, or resized when
-  // the network works at another size. Maps of large frames take a while: `checkpoint` is called between them, and may
+  // the network works at another size. A rectified rig whose principal points lie apart sees what is beyond
+  // focal * baseline / doffs at negative disparities, which no network finds: its right view is moved by doffs. Maps of large frames take a while: `checkpoint` is called between them, and may
   // throw.
   RectifyStage(Size frame, const Rig* rig, std::optional<Size> network, const std::function<void()>& checkpoint);
 
@@ -23,6 +24,9 @@ class RectifyStage {
   void operator()(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
                   ChannelOrder order, RectifyScratch& scratch) const;
 
+  // Frame pixels by which the right view of a rectified rig is moved to the left.
+  double right_shift() const { return right_shift_; }
+
   // Masks of the frame's size; null when every pixel is valid.
   const uint8_t* valid_left() const { return masks() ? masks()->valid_left().data() : nullptr; }
   const uint8_t* valid_right() const { return masks() ? masks()->valid_right().data() : nullptr; }
@@ -31,12 +35,13 @@ class RectifyStage {
   // The masks belong to the maps that are returned, which keep the size of the frames.
   const Rectifier* masks() const {
     if (full_) return &*full_;
-    return is_raw_ && rectifier_ ? &*rectifier_ : nullptr;
+    return moves_ && rectifier_ ? &*rectifier_ : nullptr;
   }
 
   Size frame_;
   Size picture_;
-  bool is_raw_ = false;
+  double right_shift_ = 0.0;
+  bool moves_ = false;  // whether pixels come to lie elsewhere, other than by resizing
   std::optional<Rectifier> rectifier_;
   std::optional<Rectifier> full_;
 };

@@ -129,6 +129,7 @@ def postprocess(
     last_plane: float = 0.0,
     right_image: _Bytes | None = None,
     same_frames: bool = False,
+    right_shift: float = 0.0,
 ) -> int:
     """Fill the full-size maps of one frame and return the number of pixels with ``reasons == 0``.
 
@@ -137,5 +138,6 @@ def postprocess(
     a pixel has a reason; both need ``focal_px`` and ``baseline_mm``. Half a pixel before ``last_plane`` (px of the
     input; 0: not known) and beyond a pixel is out of range. With ``right_image``, of the shape of ``image``, confidence
     becomes 0 where the two do not agree at the disparity found, and everywhere with ``same_frames``: both cameras gave
-    the same bytes. With positive ``doffs`` a pixel is out of range below half a pixel of the input, too.
+    the same bytes. ``right_shift`` is how far, px of the maps, the right view was moved to the left before the network
+    saw it; disparities come out as without that.
     """

@@ -110,8 +110,8 @@ class StereoCalibration:
         """Describe pairs that are already rectified; the principal point defaults to the middle of the picture.
 
         ``doffs`` is the right camera's cx minus the left camera's, in pixels. Where it is positive, surfaces beyond
-        ``focal_px * baseline_mm / doffs`` have negative disparities; networks find none, and such pixels come out as
-        `Reason.OUT_OF_RANGE`. Raw pictures of such a rig, rectified by `DepthEstimator`, have no such end.
+        ``focal_px * baseline_mm / doffs`` have negative disparities, which networks do not find: `DepthEstimator` shows
+        them the right view moved by ``doffs``.
         """
         width, height = check_size("size", size)
         baseline = number("baseline_mm", baseline_mm)

@@ -243,7 +243,11 @@ class DepthEstimator:
         return rectified_left, rectified_right
 
     def rectified_pair(self) -> tuple[Frame, Frame]:
-        """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each."""
+        """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each.
+
+        The right view of a rectified rig with positive doffs lies doffs further left than it came, here and in
+        `rectify`; disparities are those of the pictures that came.
+        """
         with self._lock:
             if self._latest is None:
                 raise InvalidArgument("estimator", "predict must be called before rectified_pair", "no frame yet")

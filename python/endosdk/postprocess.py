@@ -93,4 +93,5 @@ def postprocess(
         limits.last_plane or 0,
         found.right,
         same_frames,
+        stage.right_shift,
     )

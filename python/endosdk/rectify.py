@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,6 +12,9 @@ from endosdk.calibration import RectifiedGeometry, StereoCalibration
 from endosdk.errors import CalibrationSizeMismatch, InvalidArgument
 
 Frame = npt.NDArray[np.uint8]
+
+# Principal points closer together than this, px, put the end of the range so far away that no endoscope sees it.
+HARMLESS_DOFFS = 0.5
 
 CHANNEL_ORDERS = ("rgb", "bgr")
 
@@ -27,6 +32,9 @@ class RectifyStage:
 
     ``frame_size`` is (width, height) of the frames; ``network_size``, likewise, of the pictures written, before
     padding. Both stay readable, the second as ``size``.
+
+    A rectified rig whose principal points lie apart sees what is beyond ``focal_px * baseline_mm / doffs`` at negative
+    disparities, which no network finds. Its right view is moved by doffs: ``right_shift``, px of the frame.
     """
 
     def __init__(
@@ -46,13 +54,14 @@ class RectifyStage:
         self.valid_left: Frame | None = None
         self.valid_right: Frame | None = None
         self._rectifier: _core.Rectifier | None = None
-        is_raw = calibration is not None and not calibration.is_rectified
-        if not is_raw and self.size == frame_size:
+        self.right_shift = _shift(calibration)
+        moves = calibration is not None and (not calibration.is_rectified or self.right_shift > 0)
+        if not moves and self.size == frame_size:
             return
-        source = calibration if is_raw and calibration else _identity(frame_size)
-        geometry = source.rectification()
-        self._rectifier = _rectifier(source, geometry.scaled(*self.size), whole_border=not is_raw)
-        if is_raw:
+        source = calibration if moves and calibration else _identity(frame_size)
+        geometry = _shifted(source.rectification(), self.right_shift)
+        self._rectifier = _rectifier(source, geometry.scaled(*self.size), whole_border=not moves)
+        if moves:
             # The masks belong to the maps that are returned, which keep the size of the frames.
             full = self._rectifier if self.size == frame_size else _rectifier(source, geometry, whole_border=False)
             self.valid_left, self.valid_right = full.valid_left, full.valid_right
@@ -64,6 +73,19 @@ class RectifyStage:
             _core.pack(left, right, out_left, out_right, order)
         else:
             self._rectifier.rectify(left, right, out_left, out_right, order)
+
+
+def _shift(calibration: StereoCalibration | None) -> float:
+    if calibration is None or not calibration.is_rectified:
+        return 0.0
+    doffs = calibration.rectification().doffs
+    return doffs if doffs > HARMLESS_DOFFS else 0.0
+
+
+def _shifted(geometry: RectifiedGeometry, shift: float) -> RectifiedGeometry:
+    right = geometry.P2.copy()
+    right[0, 2] -= shift
+    return replace(geometry, P2=right)
 
 
 def _check_frame(name: str, frame: object) -> Frame:

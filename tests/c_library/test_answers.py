@@ -97,7 +97,7 @@ def test_no_answer_is_nearer_than_the_diagnostics_say(library, network_width):
     _, maps = estimator.predict(left, right)
     nearest = json.loads(estimator.diagnostics())["nearest_depth_mm"]
     estimator.close()
-    assert nearest == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * (240 / (network_width or 240)) + 2.0), rel=1e-6)
+    assert nearest == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * (240 / (network_width or 240))), rel=1e-6)
     assert np.nanmin(maps["depth"]) >= nearest * (1 - 1e-6)
 
 

@@ -94,8 +94,7 @@ void give_reasons(const float* disparity, const float* confidence, int count, co
     const float nearest = m + 0.5f;
     const int finite = m < infinity;
     const int seen = (m >= 0.0f) & (m <= overlap.last) & (nearest >= overlap.begin) & (nearest < overlap.end);
-    const int within = (disparity[i] >= limits.disparity_begin) & (disparity[i] < limits.disparity_end);
-    const int found = finite & (disparity[i] + limits.doffs > 0.0f) & within;
+    const int found = finite & (disparity[i] + limits.doffs > 0.0f) & (disparity[i] < limits.disparity_end);
     int r = confidence[i] >= limits.min_confidence ? 0 : low_confidence;
     r |= (finite & (leftmost < m - 1.0f)) ? occluded : 0;
     r |= (finite & (seen ^ 1)) ? outside_overlap : 0;

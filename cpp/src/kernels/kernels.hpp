@@ -37,8 +37,7 @@ struct DepthRow {
 
 struct DepthLimits {
   float min_confidence;
-  float disparity_begin;  // frame px: below it the network finds nothing; may be infinite
-  float disparity_end;    // there and beyond, likewise
+  float disparity_end;  // frame px: there and beyond the network finds nothing; may be infinite
   bool metric;           // the rest holds only if true
   float focal_baseline;  // px * mm
   float doffs;           // px
