@@ -187,7 +187,7 @@ def test_every_network_has_a_crop_of_its_own(network, size, crop, tmp_path):
 def test_a_crop_that_does_not_fit_is_refused_before_the_run_begins(tmp_path):
     one_frame_set(tmp_path / "set", (240, 320))
     config = TrainConfig(data=str(tmp_path / "set"), network="fast", held_out=0)
-    with pytest.raises(InvalidArgument, match=r"crop: must fit into the frames of 240 x 320.*; got \(256, 384\)"):
+    with pytest.raises(InvalidArgument, match=r"crop: must fit into frames of 240 x 320.*; got \(256, 384\)"):
         train(config, tmp_path / "run")
     with pytest.raises(InvalidArgument, match="refine_crop: must fit into the crop"):
         train(replace(config, refine_crop=(264, 264)), tmp_path / "run")

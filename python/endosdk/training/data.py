@@ -116,7 +116,9 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
     def _check_size(self, stored: _Stored) -> None:
         height, width = stored.left.shape[:2]
         if height < self.crop[0] or width < self.crop[1]:
-            raise InvalidArgument("crop", f"must fit into the frames of {height} x {width}, as it sees them", self.crop)
+            raise InvalidArgument(
+                "crop", f"must fit into frames of {height} x {width}, as the network sees them", self.crop
+            )
 
 
 def planar(view: NDArray[np.uint8]) -> Tensor:
