@@ -101,6 +101,16 @@ class StereoSession:
         return Buffers(self._session.io_binding(), height, width, self.info.output_stride)
 
     @property
+    def input_shapes(self) -> dict[str, list[int | str | None]]:
+        """Shape of each input; sides that may be any are names or None."""
+        return {node.name: list(node.shape) for node in self._session.get_inputs()}
+
+    @property
+    def output_shapes(self) -> dict[str, list[int | str | None]]:
+        """Shape of each output, likewise."""
+        return {node.name: list(node.shape) for node in self._session.get_outputs()}
+
+    @property
     def is_on_processor(self) -> bool:
         """Whether the model runs on the processor's cores, and on no accelerator."""
         return self.provider == PROVIDERS["cpu"]
