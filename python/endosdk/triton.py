@@ -16,7 +16,7 @@ Shape = list[int | str | None]
 
 
 def write_repository(model: str | Path, folder: str | Path) -> Path:
-    """Add a model, by shipped name or path, to the model repository ``folder`` and return the file of its configuration.
+    """Add a model, by shipped name or path, to the repository ``folder`` and return the file of its configuration.
 
     Writes ``NAME/config.pbtxt`` and ``NAME/VERSION/model.onnx``, the very bytes of the model. Raises InvalidArgument
     where the model's version is no number of Triton's, what `read_model` and `StereoSession` raise, and StorageFailed.
