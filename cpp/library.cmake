@@ -22,6 +22,7 @@ add_library(
   src/latency.cpp
   src/maps.cpp
   src/model.cpp
+  src/model_weights.cpp
   src/rectify_stage.cpp
   src/rig.cpp
   src/rig_content.cpp

@@ -78,7 +78,8 @@ typedef enum endo_status {
     ENDO_CALIBRATION_SIZE_MISMATCH = 4,  /* the calibration is for frames of another size */
     ENDO_MODEL_NOT_FOUND = 6,
     ENDO_MODEL_UNREADABLE = 7,           /* no ONNX model that the runtime accepts */
-    ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself */
+    ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself, or keeps
+                                            weights in another file */
     ENDO_MODEL_HASH_MISMATCH = 9,        /* not the bytes that options.model_sha256 asks for */
     ENDO_RUNTIME_MISSING = 10,           /* no ONNX Runtime of version 1.21 or later */
     ENDO_PROVIDER_UNAVAILABLE = 12,      /* nothing falls back to another provider */
