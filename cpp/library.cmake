@@ -53,7 +53,8 @@ else()
   # One archive with everything, so that a vendor links one file.
   get_target_property(core_objects endosdk_core ENDOSDK_KERNEL_OBJECTS)
   add_library(endosdk STATIC $<TARGET_OBJECTS:endosdk_objects> $<TARGET_OBJECTS:endosdk_core> ${core_objects})
-  target_link_libraries(endosdk PUBLIC Threads::Threads ${CMAKE_DL_LIBS})
+  # A program in C is linked by the C compiler, which does not add what C++ needs.
+  target_link_libraries(endosdk PUBLIC Threads::Threads ${CMAKE_DL_LIBS} INTERFACE stdc++ m)
   set(ENDOSDK_PC_STATIC " -lstdc++ -lm -lpthread -ldl")
 endif()
 if(ENDOSDK_SANITIZE)

@@ -85,7 +85,7 @@ typedef enum endo_status {
     ENDO_PROVIDER_UNAVAILABLE = 12,      /* nothing falls back to another provider */
     ENDO_INFERENCE_FAILED = 13,
     ENDO_CANCELLED = 18,
-    ENDO_OUT_OF_MEMORY = 19,
+    ENDO_OUT_OF_MEMORY = 19,             /* memory, or the number of threads this process may have, is used up */
     ENDO_SELF_TEST_FAILED = 20,
     ENDO_INTERNAL = 21                   /* a bug: please report it with endo_get_diagnostics */
 } endo_status;
