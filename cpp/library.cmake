@@ -48,6 +48,8 @@ if(BUILD_SHARED_LIBS)
   set(export_map ${CMAKE_CURRENT_SOURCE_DIR}/endosdk.map)
   target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map} LINKER:--exclude-libs,ALL)
   set_target_properties(endosdk PROPERTIES LINK_DEPENDS ${export_map})
+  # Its worker threads sleep between frames and never end; dlclose must not take the code away from under them.
+  target_link_options(endosdk PRIVATE LINKER:-z,nodelete)
   set(ENDOSDK_PC_STATIC "")
 else()
   # One archive with everything, so that a vendor links one file.
