@@ -4,14 +4,21 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 include(${PROJECT_SOURCE_DIR}/cmake/onnxruntime_headers.cmake)
 
-execute_process(
-  COMMAND git -C "${PROJECT_SOURCE_DIR}" rev-parse --short=12 HEAD
-  OUTPUT_VARIABLE ENDOSDK_COMMIT
-  OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
-if(NOT ENDOSDK_COMMIT)
-  set(ENDOSDK_COMMIT unknown)
-endif()
-configure_file(src/build_info.cpp.in build_info.cpp @ONLY)
+# Before each build, see there.
+get_property(instruction_sets TARGET endosdk_core PROPERTY ENDOSDK_INSTRUCTION_SETS)
+list(JOIN instruction_sets " " instruction_sets)
+set(build_info ${CMAKE_CURRENT_BINARY_DIR}/build_info.cpp)
+add_custom_target(
+  endosdk_build_info
+  COMMAND
+    ${CMAKE_COMMAND} -D "SOURCE=${PROJECT_SOURCE_DIR}" -D "TEMPLATE=${CMAKE_CURRENT_SOURCE_DIR}/src/build_info.cpp.in"
+    -D "OUTPUT=${build_info}" -D "ENDOSDK_VERSION=${ENDOSDK_VERSION}" -D
+    "ENDOSDK_COMPILER=${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}" -D "ENDOSDK_BUILD_TYPE=$<CONFIG>" -D
+    "ENDOSDK_SANITIZE=${ENDOSDK_SANITIZE}" -D "ENDOSDK_TARGET=${CMAKE_SYSTEM_NAME} ${CMAKE_SYSTEM_PROCESSOR}" -D
+    "ENDOSDK_INSTRUCTION_SETS=${instruction_sets}" -P "${PROJECT_SOURCE_DIR}/cmake/build_info.cmake"
+  BYPRODUCTS ${build_info}
+  COMMENT "Looking up the commit"
+  VERBATIM)
 
 add_library(
   endosdk_objects OBJECT
@@ -32,10 +39,13 @@ add_library(
   src/session.cpp
   src/session_interface.cpp
   src/sha256.cpp
-  ${CMAKE_CURRENT_BINARY_DIR}/build_info.cpp)
+  ${build_info})
+add_dependencies(endosdk_objects endosdk_build_info)
 target_include_directories(endosdk_objects PUBLIC include src)
 target_include_directories(endosdk_objects SYSTEM PUBLIC ${ONNXRUNTIME_INCLUDE_DIR})
 target_link_libraries(endosdk_objects PUBLIC endosdk_core ${CMAKE_DL_LIBS} PRIVATE endosdk_flags)
+# As in flags.cmake, for the one folder that need not be the project's.
+target_compile_options(endosdk_objects PRIVATE -ffile-prefix-map=${ONNXRUNTIME_INCLUDE_DIR}=onnxruntime)
 
 if(ENDOSDK_BUILD_TESTS)
   # The ABI check reads the types of the interface from here.

@@ -95,7 +95,7 @@ typedef enum endo_status {
 /* Version of the library, such as "0.1.0". */
 ENDO_API const char *endo_version(void);
 
-/* How the library was built, as JSON: version, commit, compiler, flags, instruction sets. */
+/* How the library was built, as JSON: version, commit, compiler, build type, sanitizers, target, instruction sets. */
 ENDO_API const char *endo_build_info(void);
 
 /* Name of a status, such as "INVALID_ARGUMENT"; "UNKNOWN" for other numbers. */
