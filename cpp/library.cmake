@@ -4,14 +4,21 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 include(${PROJECT_SOURCE_DIR}/cmake/onnxruntime_headers.cmake)
 
-execute_process(
-  COMMAND git -C "${PROJECT_SOURCE_DIR}" rev-parse --short=12 HEAD
-  OUTPUT_VARIABLE ENDOSDK_COMMIT
-  OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
-if(NOT ENDOSDK_COMMIT)
-  set(ENDOSDK_COMMIT unknown)
-endif()
-configure_file(src/build_info.cpp.in build_info.cpp @ONLY)
+# Before each build, see there.
+get_property(instruction_sets TARGET endosdk_core PROPERTY ENDOSDK_INSTRUCTION_SETS)
+list(JOIN instruction_sets " " instruction_sets)
+set(build_info ${CMAKE_CURRENT_BINARY_DIR}/build_info.cpp)
+add_custom_target(
+  endosdk_build_info
+  COMMAND
+    ${CMAKE_COMMAND} -D "SOURCE=${PROJECT_SOURCE_DIR}" -D "TEMPLATE=${CMAKE_CURRENT_SOURCE_DIR}/src/build_info.cpp.in"
+    -D "OUTPUT=${build_info}" -D "ENDOSDK_VERSION=${ENDOSDK_VERSION}" -D
+    "ENDOSDK_COMPILER=${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}" -D "ENDOSDK_BUILD_TYPE=$<CONFIG>" -D
+    "ENDOSDK_SANITIZE=${ENDOSDK_SANITIZE}" -D "ENDOSDK_TARGET=${CMAKE_SYSTEM_NAME} ${CMAKE_SYSTEM_PROCESSOR}" -D
+    "ENDOSDK_INSTRUCTION_SETS=${instruction_sets}" -P "${PROJECT_SOURCE_DIR}/cmake/build_info.cmake"
+  BYPRODUCTS ${build_info}
+  COMMENT "Looking up the commit"
+  VERBATIM)
 
 add_library(
   endosdk_objects OBJECT
@@ -22,6 +29,7 @@ add_library(
   src/latency.cpp
   src/maps.cpp
   src/model.cpp
+  src/model_weights.cpp
   src/rectify_stage.cpp
   src/rig.cpp
   src/rig_content.cpp
@@ -31,10 +39,13 @@ add_library(
   src/session.cpp
   src/session_interface.cpp
   src/sha256.cpp
-  ${CMAKE_CURRENT_BINARY_DIR}/build_info.cpp)
+  ${build_info})
+add_dependencies(endosdk_objects endosdk_build_info)
 target_include_directories(endosdk_objects PUBLIC include src)
 target_include_directories(endosdk_objects SYSTEM PUBLIC ${ONNXRUNTIME_INCLUDE_DIR})
 target_link_libraries(endosdk_objects PUBLIC endosdk_core ${CMAKE_DL_LIBS} PRIVATE endosdk_flags)
+# As in flags.cmake, for the one folder that need not be the project's.
+target_compile_options(endosdk_objects PRIVATE -ffile-prefix-map=${ONNXRUNTIME_INCLUDE_DIR}=onnxruntime)
 
 if(ENDOSDK_BUILD_TESTS)
   # The ABI check reads the types of the interface from here.
@@ -47,12 +58,15 @@ if(BUILD_SHARED_LIBS)
   set(export_map ${CMAKE_CURRENT_SOURCE_DIR}/endosdk.map)
   target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map} LINKER:--exclude-libs,ALL)
   set_target_properties(endosdk PROPERTIES LINK_DEPENDS ${export_map})
+  # Its worker threads sleep between frames and never end; dlclose must not take the code away from under them.
+  target_link_options(endosdk PRIVATE LINKER:-z,nodelete)
   set(ENDOSDK_PC_STATIC "")
 else()
   # One archive with everything, so that a vendor links one file.
   get_target_property(core_objects endosdk_core ENDOSDK_KERNEL_OBJECTS)
   add_library(endosdk STATIC $<TARGET_OBJECTS:endosdk_objects> $<TARGET_OBJECTS:endosdk_core> ${core_objects})
-  target_link_libraries(endosdk PUBLIC Threads::Threads ${CMAKE_DL_LIBS})
+  # A program in C is linked by the C compiler, which does not add what C++ needs.
+  target_link_libraries(endosdk PUBLIC Threads::Threads ${CMAKE_DL_LIBS} INTERFACE stdc++ m)
   set(ENDOSDK_PC_STATIC " -lstdc++ -lm -lpthread -ldl")
 endif()
 if(ENDOSDK_SANITIZE)

@@ -62,6 +62,25 @@ def test_foreign_onnx_is_refused_with_the_missing_key():
         StereoSession(read_model(model.SerializeToString()))
 
 
+@pytest.mark.parametrize("smallest", [0, 1000], ids=["all", "large"])
+@pytest.mark.parametrize("location", ["beside", "elsewhere", "upwards"])
+def test_weights_in_another_file_are_refused(tmp_path, monkeypatch, location, smallest):
+    """The hash would not cover them."""
+    model = onnx.load(TINY_MODEL)
+    onnx.external_data_helper.convert_model_to_external_data(model, location="weights.bin", size_threshold=smallest)
+    onnx.save_model(model, tmp_path / "model.onnx")
+    monkeypatch.chdir(tmp_path)
+    model = onnx.load("model.onnx", load_external_data=False)
+    outside = [tensor for tensor in model.graph.initializer if tensor.data_location == onnx.TensorProto.EXTERNAL]
+    assert outside
+    path = str(tmp_path / "weights.bin")
+    named = {"beside": "weights.bin", "elsewhere": path, "upwards": "../" * 20 + path[1:]}[location]
+    for tensor in outside:
+        next(entry for entry in tensor.external_data if entry.key == "location").value = named
+    with pytest.raises(errors.ModelMetadata, match="hold its weights itself"):
+        StereoSession(read_model(model.SerializeToString()))
+
+
 def test_wrong_interface_is_refused():
     model = onnx.load(TINY_MODEL)
     for node in model.graph.node:

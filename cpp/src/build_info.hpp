@@ -7,7 +7,7 @@ namespace endosdk {
 
 const char* version_text();
 
-// JSON, made at compile time.
+// JSON, made when the library is built.
 const char* build_info();
 
 }  // namespace endosdk

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 #include <new>
+#include <system_error>
 
 #include "build_info.hpp"
 #include "capi_structs.hpp"
@@ -38,6 +39,11 @@ endo_status guarded(const Body& body) noexcept {
     return report(ENDO_OUT_OF_MEMORY, "memory: must suffice; got none");
   } catch (const std::length_error&) {
     return report(ENDO_OUT_OF_MEMORY, "memory: must suffice; got a request beyond any memory");
+  } catch (const std::system_error& error) {
+    // What the C++ library throws where no further thread can be started.
+    const bool used_up = error.code() == std::errc::resource_unavailable_try_again;
+    return used_up ? report(ENDO_OUT_OF_MEMORY, "threads: the system must have one more; got none")
+                   : report(ENDO_INTERNAL, error.what());
   } catch (const std::invalid_argument& error) {
     return report(ENDO_INVALID_ARGUMENT, error.what());
   } catch (const std::exception& error) {

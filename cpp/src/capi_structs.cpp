@@ -66,7 +66,12 @@ endo_options default_options() {
   return options;
 }
 
-std::string text_or_nothing(const char* text) { return text != nullptr ? text : ""; }
+// NULL means "any" or "search", and is empty here. An empty text from the caller is a mistake, such as a variable that
+// was never filled, and must not switch off what he meant to ask for.
+std::string text_or_nothing(const char* text, const char* argument) {
+  require_argument(text == nullptr || *text != '\0', argument, "must be NULL or not empty", "''");
+  return text != nullptr ? text : "";
+}
 
 void check_numbers(const endo_options& o) {
   require_argument(o.threads >= 0 && o.threads <= max_threads, "threads", "must be 1 to 256, or 0", o.threads);
@@ -124,9 +129,9 @@ OpenRequest open_request(const endo_options* options) {
   const endo_options o = options != nullptr ? read_struct(options, first_options, "options") : default_options();
   check_numbers(o);
   OpenRequest request;
-  request.model_sha256 = text_or_nothing(o.model_sha256);
+  request.model_sha256 = text_or_nothing(o.model_sha256, "model_sha256");
   EstimatorSettings& s = request.settings;
-  s.runtime_library = text_or_nothing(o.runtime_library);
+  s.runtime_library = text_or_nothing(o.runtime_library, "runtime_library");
   if (o.provider != nullptr) s.session.provider = o.provider;
   s.session.threads = o.threads;
   s.session.spinning = o.spinning == 1;

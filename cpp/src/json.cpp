@@ -1,5 +1,6 @@
 #include "json.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -110,13 +111,32 @@ class Syntax {
   std::string_view rest_;
 };
 
+// Bytes of the UTF-8 character that the text begins with; 0 if it begins with none.
+size_t character_length(std::string_view text) {
+  const auto byte = [&](size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u; };
+  const unsigned first = byte(0);
+  if (first < 0x80) return 1;
+  const size_t length = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+  if (first < 0xc2 || first > 0xf4) return 0;
+  for (size_t i = 1; i < length; ++i) {
+    if ((byte(i) & 0xc0u) != 0x80u) return 0;
+  }
+  // No longer form of a shorter character, no half of a pair of UTF-16, nothing beyond the last character.
+  const unsigned second = byte(1);
+  const bool stray = (first == 0xe0 && second < 0xa0) || (first == 0xed && second >= 0xa0) ||
+                     (first == 0xf0 && second < 0x90) || (first == 0xf4 && second >= 0x90);
+  return stray ? 0 : length;
+}
+
 }  // namespace
 
 bool is_json(std::string_view text) { return Syntax(text).holds(); }
 
 std::string json_string(std::string_view text) {
   std::string out = "\"";
-  for (const char c : text) {
+  while (!text.empty()) {
+    const char c = text.front();
+    const size_t length = character_length(text);
     if (c == '"' || c == '\\') {
       out += '\\';
       out += c;
@@ -125,9 +145,12 @@ std::string json_string(std::string_view text) {
       out += "\\u00";
       out += hex[c >> 4];
       out += hex[c & 15];
+    } else if (length == 0) {
+      out += "\\ufffd";
     } else {
-      out += c;
+      out += text.substr(0, length);
     }
+    text.remove_prefix(std::max(length, size_t{1}));
   }
   return out + "\"";
 }

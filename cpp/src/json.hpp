@@ -10,7 +10,8 @@ namespace endosdk {
 // Whether the text is one JSON value (RFC 8259).
 bool is_json(std::string_view text);
 
-// In quotes, with everything escaped that must be.
+// In quotes, with everything escaped that must be. JSON is UTF-8: a byte that is not, as in the path of a file, becomes
+// U+FFFD, the character for what cannot be shown.
 std::string json_string(std::string_view text);
 
 // The shortest digits that read back as the same number, in the form Python's repr gives them; finite numbers only.

@@ -1,6 +1,8 @@
 #include "model.hpp"
 
+#include <fcntl.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <charconv>
@@ -9,6 +11,7 @@
 #include <memory>
 
 #include "json.hpp"
+#include "model_weights.hpp"
 #include "sha256.hpp"
 #include "status.hpp"
 
@@ -30,6 +33,11 @@ void check_hash(ModelFile& model, const std::string& expected) {
           model.sha256);
 }
 
+void check_content(ModelFile& model, const std::string& expected) {
+  check_hash(model, expected);
+  check_weights_are_inside(model.data, model.origin);
+}
+
 std::string required(const MetadataLookup& lookup, const std::string& key) {
   const std::optional<std::string> value = lookup("endosdk." + key);
   require(value && !value->empty(), ENDO_MODEL_METADATA, "endosdk." + key,
@@ -49,19 +57,25 @@ int positive(const MetadataLookup& lookup, const std::string& key) {
 }  // namespace
 
 ModelFile read_model(const std::string& path, const std::string& expected) {
-  const auto missing = [&](int error) {
-    fail(ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read", in_quotes(path) + ": " + std::strerror(error));
+  const auto missing = [&](const char* reason) {
+    fail(ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read", in_quotes(path) + ": " + reason);
   };
-  const std::unique_ptr<FILE, int (*)(FILE*)> file(std::fopen(path.c_str(), "rbe"), std::fclose);
-  if (!file) missing(errno);
+  // Opening a pipe would otherwise wait for somebody who writes to it.
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const std::unique_ptr<FILE, int (*)(FILE*)> file(descriptor < 0 ? nullptr : fdopen(descriptor, "rb"), std::fclose);
+  if (!file) {
+    const int error = errno;
+    if (descriptor >= 0) close(descriptor);
+    missing(std::strerror(error));
+  }
   struct stat status{};
-  if (fstat(fileno(file.get()), &status) != 0) missing(errno);
-  if (!S_ISREG(status.st_mode)) missing(EISDIR);
+  if (fstat(descriptor, &status) != 0) missing(std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) missing("no regular file");
   ModelFile model;
   model.origin = path;
   model.data.resize(static_cast<size_t>(status.st_size));
-  if (std::fread(model.data.data(), 1, model.data.size(), file.get()) != model.data.size()) missing(EIO);
-  check_hash(model, expected);
+  if (std::fread(model.data.data(), 1, model.data.size(), file.get()) != model.data.size()) missing(std::strerror(EIO));
+  check_content(model, expected);
   return model;
 }
 
@@ -69,7 +83,7 @@ ModelFile copy_model(const void* data, size_t size, const std::string& expected)
   ModelFile model;
   model.origin = "<memory>";
   model.data.assign(static_cast<const char*>(data), static_cast<const char*>(data) + size);
-  check_hash(model, expected);
+  check_content(model, expected);
   return model;
 }
 

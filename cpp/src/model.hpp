@@ -27,7 +27,7 @@ struct ModelInfo {
   std::string intended_use;
 };
 
-// Hash and content are of the very bytes that are kept. An empty `expected` accepts any hash.
+// Hash and content are of the very bytes that are kept, which hold all of the model. An empty `expected` accepts any hash.
 ModelFile read_model(const std::string& path, const std::string& expected);
 ModelFile copy_model(const void* data, size_t size, const std::string& expected);
 

@@ -2,11 +2,15 @@
 
 #include <dlfcn.h>
 #include <glob.h>
+#include <link.h>
+#include <sys/auxv.h>
 
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <new>
+#include <string_view>
 #include <vector>
 
 namespace endosdk {
@@ -16,9 +20,6 @@ constexpr const char* telemetry_switch = "ORT_DISABLE_TELEMETRY";
 constexpr const char* rule = "ONNX Runtime 1.21 or later must be installed, or named by options.runtime_library or "
                              "ENDOSDK_ORT_LIBRARY";
 
-// The runtime's thread pools live as long as the process, so its code must, too: it is never unmapped.
-constexpr int open_mode = RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE;
-
 void add_matches(const std::string& pattern, std::vector<std::string>& paths) {
   glob_t found{};
   if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
@@ -27,15 +28,26 @@ void add_matches(const std::string& pattern, std::vector<std::string>& paths) {
   globfree(&found);
 }
 
+// The folder of the file that this code came from; empty where that is not known beyond doubt.
+std::string own_folder() {
+  // Whoever starts a program with raised privileges can link it into a folder of his own and start it there.
+  if (getauxval(AT_SECURE) != 0) return {};
+  Dl_info self{};
+  link_map* object = nullptr;
+  const void* here = reinterpret_cast<const void*>(&own_folder);
+  if (dladdr1(here, &self, reinterpret_cast<void**>(&object), RTLD_DL_LINKMAP) == 0) return {};
+  // The program itself has no name here. What dladdr would say of it is argv[0], which its caller chose.
+  std::error_code unknown;
+  const std::filesystem::path file =
+      *object->l_name == '\0' ? std::filesystem::read_symlink("/proc/self/exe", unknown) : object->l_name;
+  return file.is_absolute() ? file.parent_path().string() : std::string();
+}
+
 // Where to look when nobody says.
 std::vector<std::string> usual_places() {
   std::vector<std::string> paths;
-  Dl_info self{};
-  if (dladdr(reinterpret_cast<const void*>(&usual_places), &self) != 0 && self.dli_fname != nullptr) {
-    const std::string file = self.dli_fname;
-    const size_t slash = file.rfind('/');
-    if (slash != std::string::npos) add_matches(file.substr(0, slash) + "/libonnxruntime.so*", paths);
-  }
+  const std::string beside = own_folder();
+  if (!beside.empty()) add_matches(beside + "/libonnxruntime.so*", paths);
   if (const char* environment = secure_getenv("VIRTUAL_ENV")) {
     add_matches(std::string(environment) + "/lib/python3.*/site-packages/onnxruntime/capi/libonnxruntime.so*", paths);
   }
@@ -63,15 +75,20 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const Log&
   // The library reads this while it is being opened; later is too late. It is not touched when it is set already.
   if (!was_off && setenv(telemetry_switch, "1", 1) != 0) throw std::bad_alloc();
   std::string tried;
+  const auto pass_on = [&](const std::string& reason) { tried += (tried.empty() ? "" : "; ") + reason; };
   for (const std::string& place : places(path)) {
     void* before = dlopen(place.c_str(), RTLD_LAZY | RTLD_NOLOAD);
     if (before != nullptr) dlclose(before);
-    void* library = dlopen(place.c_str(), open_mode);
+    void* library = dlopen(place.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (library == nullptr) {
-      tried += (tried.empty() ? "" : "; ") + std::string(dlerror());
+      pass_on(dlerror());
       continue;
     }
-    auto runtime = std::make_shared<const Runtime>(library, place, before != nullptr && !was_off);
+    const std::shared_ptr<const Runtime> runtime(new Runtime(library, place, before != nullptr && !was_off));
+    if (runtime->api_ == nullptr) {
+      pass_on(place + (runtime->version_.empty() ? ", another library" : ", " + runtime->version_));
+      continue;
+    }
     if (runtime->telemetry_on()) {
       log(ENDO_LOG_WARNING, "ONNX Runtime was opened by the host with its telemetry on; set ORT_DISABLE_TELEMETRY=1 first");
     }
@@ -84,20 +101,27 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const Log&
 Runtime::Runtime(void* library, std::string path, bool was_loaded) : library_(library), path_(std::move(path)) {
   using GetBase = const OrtApiBase*(ORT_API_CALL*)();
   const auto get_base = reinterpret_cast<GetBase>(dlsym(library_, "OrtGetApiBase"));
-  if (get_base != nullptr) {
-    version_ = get_base()->GetVersionString();
-    api_ = get_base()->GetApi(runtime_api);
-  }
-  if (api_ == nullptr) {
-    dlclose(library_);
-    fail(ENDO_RUNTIME_MISSING, "runtime_library", rule, path_ + (version_.empty() ? ", another library" : ", " + version_));
-  }
+  if (get_base == nullptr) return;
+  version_ = get_base()->GetVersionString();
+  api_ = get_base()->GetApi(runtime_api);
+  if (api_ == nullptr) return;
   // Once on, it stays on, although the switch is set from now on.
   static std::atomic<bool> left_on{false};
   if (was_loaded) left_on = true;
   telemetry_on_ = left_on;
 }
 
-Runtime::~Runtime() { dlclose(library_); }
+// One that was used is never closed: its thread pools live as long as the process, so its code must, too. One that was
+// turned down must go, or the loader would take it again for a later place by its name.
+Runtime::~Runtime() {
+  if (api_ == nullptr) dlclose(library_);
+}
+
+bool Runtime::is_out_of_resources(std::string_view message) {
+  for (const char* sign : {"std::bad_alloc", "Failed to allocate memory", "pthread_create failed"}) {
+    if (message.find(sign) != std::string_view::npos) return true;
+  }
+  return false;
+}
 
 }  // namespace endosdk

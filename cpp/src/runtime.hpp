@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "log.hpp"
 #include "status.hpp"
@@ -20,7 +21,6 @@ class Runtime {
   // An empty path searches: $ENDOSDK_ORT_LIBRARY, beside this library, the active Python environment, the system.
   static std::shared_ptr<const Runtime> open(const std::string& path, const Log& log);
 
-  Runtime(void* library, std::string path, bool was_loaded);
   ~Runtime();
   Runtime(const Runtime&) = delete;
   Runtime& operator=(const Runtime&) = delete;
@@ -32,15 +32,21 @@ class Runtime {
   // Whether the host opened the library, with its telemetry on, before we could switch that off.
   bool telemetry_on() const { return telemetry_on_; }
 
-  // Turns a failed call of the runtime into an Error.
+  // Turns a failed call of the runtime into an Error: of `code`, unless it failed for want of memory or threads.
   template <typename Rule>
   void check(OrtStatus* status, endo_status code, const char* argument, const Rule& rule) const {
     if (status == nullptr) return;
     const std::unique_ptr<OrtStatus, void(ORT_API_CALL*)(OrtStatus*)> held(status, api_->ReleaseStatus);
-    fail(code, argument, rule, api_->GetErrorMessage(held.get()));
+    const char* message = api_->GetErrorMessage(held.get());
+    fail(is_out_of_resources(message) ? ENDO_OUT_OF_MEMORY : code, argument, rule, message);
   }
 
  private:
+  Runtime(void* library, std::string path, bool was_loaded);  // without an api_ when the library is not one for us
+
+  // The runtime has no code of its own for this; its text tells.
+  static bool is_out_of_resources(std::string_view message);
+
   void* library_;
   std::string path_;
   std::string version_;

@@ -26,6 +26,10 @@ PROVIDERS = {
     "tensorrt": "TensorrtExecutionProvider",
 }
 
+# Where the runtime may look for weights that a model keeps in another file: in no folder that can exist. The hash of a
+# model would not cover them, and they would be read from whatever directory is the current one.
+NO_FOLDER = "/dev/null/weights outside the model"
+
 
 def load_runtime() -> Any:
     """Import onnxruntime with its telemetry off, or say which extra is missing or in conflict."""
@@ -85,6 +89,8 @@ class StereoSession:
         try:
             self._session = runtime.InferenceSession(model.data, options, providers=[self.provider])
         except Exception as error:  # the runtime has its own exception types, one per status code, with no common base
+            if NO_FOLDER in str(error) or "external" in str(error).lower():  # its words differ from case to case
+                raise ModelMetadata("model", f"{model.origin} must hold its weights itself", error) from error
             raise ModelUnreadable("model", f"{model.origin} must be an ONNX file that runs here", error) from error
         used = self._session.get_providers()
         if used[0] != self.provider:
@@ -166,6 +172,7 @@ def _session_options(runtime: Any, provider: str, threads: int, spinning: bool) 
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if spinning else "0")
     # Waiting threads must not burn the cores that rectification and post-processing need between two runs.
     options.add_session_config_entry("session.force_spinning_stop", "1")
+    options.add_session_config_entry("session.model_external_initializers_file_folder_path", NO_FOLDER)
     if provider != PROVIDERS["cpu"]:
         # A node that cannot run on the accelerator is an error, never a silent move to the processor.
         options.add_session_config_entry("session.disable_cpu_ep_fallback", "1")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -56,6 +57,24 @@ def test_the_binary_does_not_tell_where_it_was_built(installed):
     content = installed.library.read_bytes()
     for path in (ROOT, c.BUILD, Path.home()):
         assert str(path).encode() not in content
+
+
+def test_no_object_tells_where_the_headers_of_the_runtime_were(installed, tmp_path):
+    """They may lie anywhere; what a debugger would be told of them ends up in the installed library."""
+    headers = tmp_path / "headers"
+    cache = (installed.build / "CMakeCache.txt").read_text()
+    found = re.search(r"^ONNXRUNTIME_INCLUDE_DIR:\w+=(.*)$", cache, re.M)
+    assert found is not None
+    shutil.copytree(found[1], headers)
+    build = tmp_path / "build"
+    options = ("-DCMAKE_BUILD_TYPE=Release", "-DENDOSDK_BUILD_TESTS=ON", "-DENDOSDK_TEST_RUNTIME=")
+    c.configure(build, *options, f"-DONNXRUNTIME_INCLUDE_DIR={headers}")
+    for entry in json.loads((build / "compile_commands.json").read_text()):
+        if Path(entry["file"]).name in ("capi.cpp", "runtime.cpp"):
+            made = Path(entry["directory"]) / entry["output"]
+            made.parent.mkdir(parents=True, exist_ok=True)
+            subprocess.run(entry["command"], shell=True, cwd=entry["directory"], check=True)
+            assert str(tmp_path).encode() not in made.read_bytes()
 
 
 def test_the_abi_is_that_of_the_first_release(installed):

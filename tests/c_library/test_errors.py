@@ -71,6 +71,54 @@ def test_bad_models_are_refused_as_in_python(library, change):
     assert seen.value.name == python.value.code.name == "MODEL_METADATA"
 
 
+def outside(tensor) -> None:
+    """Say that the numbers of a tensor are kept in another file."""
+    tensor.ClearField("raw_data")
+    tensor.data_location = tensor.EXTERNAL
+    tensor.external_data.add(key="location", value="weights.bin")
+
+
+def initializer_outside(onnx, model):
+    outside(model.graph.initializer[0])
+
+
+def sparse_initializer_outside(onnx, model):
+    outside(model.graph.sparse_initializer.add().values)
+
+
+def constant_outside(onnx, model):
+    outside(constant(onnx, model.graph))
+
+
+def branch_outside(onnx, model):
+    node = model.graph.node.add(op_type="If")
+    branch = onnx.helper.make_graph([], "branch", [], [])
+    outside(constant(onnx, branch))
+    node.attribute.append(onnx.helper.make_attribute("then_branch", branch))
+
+
+def function_outside(onnx, model):
+    outside(constant(onnx, model.functions.add(name="f")))
+
+
+def constant(onnx, graph):
+    """A constant added to a graph or function."""
+    tensor = onnx.helper.make_tensor("numbers", onnx.TensorProto.FLOAT, [1], [1.0])
+    graph.node.append(onnx.helper.make_node("Constant", [], ["c"], value=tensor))
+    return graph.node[-1].attribute[0].t
+
+
+WEIGHTS_OUTSIDE = [initializer_outside, sparse_initializer_outside, constant_outside, branch_outside, function_outside]
+
+
+@pytest.mark.parametrize("change", WEIGHTS_OUTSIDE, ids=lambda change: change.__name__)
+def test_a_model_that_keeps_weights_elsewhere_is_refused(library, change):
+    """Its hash would not cover them."""
+    with pytest.raises(c.CError, match="must hold its weights itself") as seen:
+        c.CEstimator(library, edited_model(change))
+    assert seen.value.name == "MODEL_METADATA"
+
+
 def test_one_flipped_byte_is_refused_when_the_model_is_pinned(library):
     data = TINY_MODEL.read_bytes()
     digest = hashlib.sha256(data).hexdigest().upper().encode()

@@ -100,6 +100,24 @@ def pkg_config(prefix: Path, environment: dict[str, str]) -> list[str]:
     return done.stdout.split()
 
 
+OLD_RUNTIME = """
+#include <stdint.h>
+#include <stdio.h>
+static const void *api(uint32_t version) { return version > 20 ? 0 : ""; }
+static const char *name(void) { return "1.20.1"; }
+static const struct { const void *(*api)(uint32_t); const char *(*name)(void); } base = {api, name};
+const void *OrtGetApiBase(void) { return &base; }
+__attribute__((constructor)) static void opened(void) { fprintf(stderr, "old runtime opened\\n"); }
+"""
+
+
+def compile_old_runtime(place: Path) -> None:
+    """Put a library there that is an ONNX Runtime of a version that is too old."""
+    soname = "-Wl,-soname,libonnxruntime.so.1"
+    command = ["cc", "-shared", "-fPIC", soname, "-x", "c", "-", "-o", str(place)]
+    subprocess.run(command, input=OLD_RUNTIME, text=True, check=True)
+
+
 @pytest.mark.parametrize("place", ["variable", "beside the library", "active environment"])
 def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path, place):
     left, right = shifted_pair(48, 64, 5)
@@ -125,6 +143,26 @@ def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path,
         beside.unlink(missing_ok=True)
 
 
+@pytest.mark.parametrize("place", ["active environment", "system"])
+def test_a_runtime_that_is_too_old_does_not_end_the_search(examples, installed, tmp_path, place):
+    """One lies beside the library, under the name that the loader knows the right one by."""
+    write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
+    known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV"}
+    variables = {name: value for name, value in os.environ.items() if name not in known}
+    if place == "active environment":
+        variables["VIRTUAL_ENV"] = sys.prefix
+    else:
+        (tmp_path / "libonnxruntime.so.1").symlink_to(c.runtime_library())
+        variables["LD_LIBRARY_PATH"] = str(tmp_path)
+    beside = installed.library.parent / "libonnxruntime.so.1"
+    compile_old_runtime(beside)
+    files = [str(tmp_path / "view.ppm")] * 2 + [str(tmp_path / "depth.pgm")]
+    try:
+        subprocess.run([examples / "depth_cli", TINY_MODEL, *files], env=variables, check=True, capture_output=True)
+    finally:
+        beside.unlink()
+
+
 def test_a_runtime_that_was_named_is_not_replaced_by_another(examples, installed, tmp_path):
     write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
     variables = {**os.environ, "ENDOSDK_ORT_LIBRARY": "/no/such/library.so", "VIRTUAL_ENV": sys.prefix}
@@ -136,20 +174,82 @@ def test_a_runtime_that_was_named_is_not_replaced_by_another(examples, installed
     assert "/no/such/library.so" in done.stderr and "RUNTIME_MISSING" in done.stderr
 
 
-@pytest.mark.parametrize("found_by", ["cmake", "pkg-config"])
-def test_a_static_library_links_into_one_program(sanitized, environment, tmp_path, found_by):
-    prefix = tmp_path / "sdk"
+C_ONLY = """
+cmake_minimum_required(VERSION 3.21)
+project(device LANGUAGES C)
+find_package(endosdk 0.1 CONFIG REQUIRED)
+add_executable(depth_cli depth_cli.c)
+target_link_libraries(depth_cli PRIVATE endosdk::endosdk)
+"""
+
+
+@pytest.fixture(scope="module")
+def static_prefix(sanitized, tmp_path_factory) -> Path:
+    """An installation of the static library."""
+    prefix = tmp_path_factory.mktemp("static")
     c.cmake("--install", sanitized, "--prefix", prefix)
-    source = c.ROOT / "cpp" / "examples"
-    if found_by == "cmake":
-        c.cmake("-S", source, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={prefix}")
-        c.cmake("--build", tmp_path / "build", "--target", "depth_cli")
-        program = tmp_path / "build" / "depth_cli"
-    else:
-        program = tmp_path / "depth_cli"
-        flags = [*pkg_config(prefix, environment), "-fsanitize=address,undefined"]
-        subprocess.run(["cc", "-std=c11", source / "depth_cli.c", "-o", program, *flags], check=True)
-    write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
-    files = [tmp_path / "view.ppm"] * 2 + [tmp_path / "disparity.pgm"]
+    return prefix
+
+
+@pytest.fixture(scope="module")
+def static_program(static_prefix, tmp_path_factory) -> Path:
+    """A program with the library inside, built by a project that knows C alone."""
+    folder = tmp_path_factory.mktemp("device")
+    (folder / "CMakeLists.txt").write_text(C_ONLY)
+    shutil.copy(c.ROOT / "cpp" / "examples" / "depth_cli.c", folder)
+    c.cmake("-S", folder, "-B", folder / "build", f"-DCMAKE_PREFIX_PATH={static_prefix}")
+    c.cmake("--build", folder / "build")
+    return folder / "build" / "depth_cli"
+
+
+def assert_gives_a_map(program: Path, environment: dict[str, str], folder: Path) -> None:
+    write_ppm(folder / "view.ppm", shifted_pair(48, 64, 5)[0])
+    files = [folder / "view.ppm"] * 2 + [folder / "disparity.pgm"]
     subprocess.run([program, TINY_MODEL, *files], env=environment, check=True, capture_output=True)
-    assert read_pgm16(tmp_path / "disparity.pgm").shape == (48, 64)
+    assert read_pgm16(folder / "disparity.pgm").shape == (48, 64)
+
+
+def test_a_static_library_links_into_a_project_of_c(static_program, environment, tmp_path):
+    assert_gives_a_map(static_program, environment, tmp_path)
+
+
+def test_a_static_library_links_into_a_project_of_c_and_cpp(static_prefix, environment, tmp_path):
+    source = c.ROOT / "cpp" / "examples"
+    c.cmake("-S", source, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={static_prefix}")
+    c.cmake("--build", tmp_path / "build")
+    assert_gives_a_map(tmp_path / "build" / "depth_cli", environment, tmp_path)
+
+
+def test_a_static_library_is_found_by_pkg_config(static_prefix, environment, tmp_path):
+    flags = [*pkg_config(static_prefix, environment), "-fsanitize=address,undefined"]
+    source = c.ROOT / "cpp" / "examples" / "depth_cli.c"
+    subprocess.run(["cc", "-std=c11", source, "-o", tmp_path / "depth_cli", *flags], check=True)
+    assert_gives_a_map(tmp_path / "depth_cli", environment, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["{foreign}/depth_cli", "./depth_cli", "depth_cli"])
+def test_the_name_a_program_is_started_by_decides_nothing(static_program, tmp_path, name):
+    """With the library inside, "beside the library" is beside the program, whatever its caller calls it."""
+    foreign = tmp_path / "foreign"
+    foreign.mkdir()
+    compile_old_runtime(foreign / "libonnxruntime.so")
+    write_ppm(foreign / "view.ppm", shifted_pair(48, 64, 5)[0])
+    known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV", "LD_LIBRARY_PATH"}
+    variables = {key: value for key, value in os.environ.items() if key not in known}
+    command = [name.format(foreign=foreign), str(TINY_MODEL), "view.ppm", "view.ppm", "disparity.pgm"]
+    beside = static_program.parent / "libonnxruntime.so"
+    beside.symlink_to(c.runtime_library())
+    try:
+        done = subprocess.run(
+            command,
+            executable=static_program,
+            cwd=foreign,
+            env=variables,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    finally:
+        beside.unlink()
+    assert done.returncode == 0, done.stderr
+    assert "old runtime opened" not in done.stderr

@@ -78,13 +78,14 @@ typedef enum endo_status {
     ENDO_CALIBRATION_SIZE_MISMATCH = 4,  /* the calibration is for frames of another size */
     ENDO_MODEL_NOT_FOUND = 6,
     ENDO_MODEL_UNREADABLE = 7,           /* no ONNX model that the runtime accepts */
-    ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself */
+    ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself, or keeps
+                                            weights in another file */
     ENDO_MODEL_HASH_MISMATCH = 9,        /* not the bytes that options.model_sha256 asks for */
     ENDO_RUNTIME_MISSING = 10,           /* no ONNX Runtime of version 1.21 or later */
     ENDO_PROVIDER_UNAVAILABLE = 12,      /* nothing falls back to another provider */
     ENDO_INFERENCE_FAILED = 13,
     ENDO_CANCELLED = 18,
-    ENDO_OUT_OF_MEMORY = 19,
+    ENDO_OUT_OF_MEMORY = 19,             /* memory, or the number of threads this process may have, is used up */
     ENDO_SELF_TEST_FAILED = 20,
     ENDO_INTERNAL = 21                   /* a bug: please report it with endo_get_diagnostics */
 } endo_status;
@@ -94,7 +95,7 @@ typedef enum endo_status {
 /* Version of the library, such as "0.1.0". */
 ENDO_API const char *endo_version(void);
 
-/* How the library was built, as JSON: version, commit, compiler, flags, instruction sets. */
+/* How the library was built, as JSON: version, commit, compiler, build type, sanitizers, target, instruction sets. */
 ENDO_API const char *endo_build_info(void);
 
 /* Name of a status, such as "INVALID_ARGUMENT"; "UNKNOWN" for other numbers. */

@@ -1,4 +1,7 @@
 // What is refused: openings, rigs and frames that cannot be right. A refused call changes nothing.
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -24,6 +27,8 @@ void bad_openings_are_refused(const Places& at) {
   static const std::string zeros(64, '0');
   refused([](O& o) { o.model_sha256 = "abc"; }, ENDO_INVALID_ARGUMENT, "hexadecimal");
   refused([](O& o) { o.model_sha256 = zeros.c_str(); }, ENDO_MODEL_HASH_MISMATCH, "SHA-256");
+  refused([](O& o) { o.model_sha256 = ""; }, ENDO_INVALID_ARGUMENT, "model_sha256");
+  refused([](O& o) { o.runtime_library = ""; }, ENDO_INVALID_ARGUMENT, "runtime_library");
   refused([](O& o) { o.threads = -1; }, ENDO_INVALID_ARGUMENT, "threads");
   refused([](O& o) { o.spinning = 2; }, ENDO_INVALID_ARGUMENT, "spinning");
   refused([](O& o) { o.log_level = 0; }, ENDO_INVALID_ARGUMENT, "log_level");
@@ -46,6 +51,18 @@ void bad_openings_are_refused(const Places& at) {
   expect(endo_open_memory("onnx", 4, &options, &handle), ENDO_MODEL_UNREADABLE, "model");
   expect(endo_open_file(at.model.c_str(), &options, nullptr), ENDO_INVALID_ARGUMENT, "estimator");
   endo_close(nullptr);
+}
+
+// Nobody writes to this pipe, so whoever waits for it waits forever.
+void a_pipe_is_no_model(const Places& at) {
+  const std::string pipe = "pipe-" + std::to_string(getpid());
+  CHECK(mkfifo(pipe.c_str(), 0600) == 0);
+  alarm(20);
+  const endo_options options = default_options(at);
+  endo_estimator* handle = nullptr;
+  expect(endo_open_file(pipe.c_str(), &options, &handle), ENDO_MODEL_NOT_FOUND, "regular file");
+  alarm(0);
+  CHECK(unlink(pipe.c_str()) == 0);
 }
 
 // A caller compiled against a later header whose structs have grown.
@@ -138,6 +155,7 @@ void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   bad_openings_are_refused(at);
+  a_pipe_is_no_model(at);
   structs_may_be_longer_than_this_library_knows(at);
   bad_calibrations_are_refused_and_change_nothing(at);
   bad_frames_are_refused_and_read_as_no_answer(at);

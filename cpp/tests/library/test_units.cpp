@@ -57,6 +57,19 @@ void text_is_escaped() {
   CHECK(JsonObject().count("n", 3).number("x", std::nan("")).flag("f", true).done() == "{\"n\":3,\"x\":null,\"f\":true}");
 }
 
+void text_that_is_no_utf8_still_makes_json() {
+  for (const char* good : {"\u00e9", "\u20ac", "\ud7ff\ue000", "\U0001f52c\U0010ffff"}) {
+    CHECK(json_string(good) == '"' + std::string(good) + '"');
+  }
+  CHECK(json_string("ort\xff.so") == "\"ort\\ufffd.so\"");
+  // Cut short, too long a form, half of a pair, beyond the last character: each byte by itself.
+  CHECK(json_string("\xe2\x82") == "\"\\ufffd\\ufffd\"");
+  CHECK(json_string("\xc0\xaf") == "\"\\ufffd\\ufffd\"");
+  CHECK(json_string("\xed\xa0\x80") == "\"\\ufffd\\ufffd\\ufffd\"");
+  CHECK(json_string("\xf4\x90\x80\x80") == "\"\\ufffd\\ufffd\\ufffd\\ufffd\"");
+  CHECK(json_string("\xe2\"") == "\"\\ufffd\\\"\"");
+}
+
 void quantiles_are_close_and_never_below() {
   LatencyHistogram histogram;
   CHECK(histogram.quantile_ms(0.5) == 0.0);
@@ -82,5 +95,6 @@ int main() {
   json_syntax_is_told_from_other_text();
   numbers_read_like_pythons();
   text_is_escaped();
+  text_that_is_no_utf8_still_makes_json();
   quantiles_are_close_and_never_below();
 }

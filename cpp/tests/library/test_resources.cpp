@@ -1,0 +1,83 @@
+// A machine at its limits: no further thread, no further memory. Both are one status, wherever they are missed.
+#include <dlfcn.h>
+#include <pthread.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+
+#include "frame.hpp"
+
+namespace {
+
+std::atomic<bool> threads_are_left{true};
+
+}  // namespace
+
+// Found before the system's own, by ONNX Runtime, too.
+extern "C" [[gnu::visibility("default")]] int pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
+                                                             void* (*start)(void*), void* argument) {
+  if (!threads_are_left) return EAGAIN;
+  static const auto real = reinterpret_cast<decltype(&pthread_create)>(dlsym(RTLD_NEXT, "pthread_create"));
+  return real(thread, attributes, start, argument);
+}
+
+namespace {
+
+void a_runtime_without_threads_is_out_of_resources(const Places& at) {
+  endo_options options = default_options(at);
+  options.threads = 2;
+  endo_estimator* handle = nullptr;
+  threads_are_left = false;
+  expect(endo_open_file(at.model.c_str(), &options, &handle), ENDO_OUT_OF_MEMORY, "pthread_create");
+  threads_are_left = true;
+  CHECK(handle == nullptr);
+  CHECK(endo_open_file(at.model.c_str(), &options, &handle) == ENDO_OK);
+  endo_close(handle);
+}
+
+rlim_t mapped_bytes() {
+  std::ifstream file("/proc/self/statm");
+  rlim_t pages = 0;
+  CHECK(file >> pages);
+  return pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
+}
+
+void allow(rlim_t bytes) {
+  const rlimit limit = {bytes, RLIM_INFINITY};
+  CHECK(setrlimit(RLIMIT_AS, &limit) == 0);
+}
+
+// With a little more memory each time: first our own layers miss it, then the network, in the end nobody.
+void a_network_without_memory_is_out_of_memory(const Places& at) {
+  constexpr int w = 1280;
+  constexpr int h = 960;
+  constexpr rlim_t step = rlim_t{2} << 20;
+  endo_options options = default_options(at);
+  options.network_width = w;
+  options.network_height = h;
+  const Opened estimator(at, options);
+  const Pair pair(w, h, 9);
+  Output out(size_t{w} * h);
+  bool network_was_short = false;
+  for (rlim_t more = 0;; more += step) {
+    allow(mapped_bytes() + more);
+    const endo_status status = estimator.predict(pair, out);
+    allow(RLIM_INFINITY);
+    if (status == ENDO_OK) break;
+    expect(status, ENDO_OUT_OF_MEMORY, "");
+    CHECK(std::isnan(out.disparity[0]) && out.result.quality == ENDO_QUALITY_INVALID);
+    network_was_short |= std::strstr(endo_last_error(), "session") != nullptr;
+  }
+  CHECK(network_was_short);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  a_runtime_without_threads_is_out_of_resources(at);
+  a_network_without_memory_is_out_of_memory(at);
+}
