@@ -212,7 +212,8 @@ def test_work_of_a_step_counts_what_is_computed():
     )
     refinement = whole - coarse
     assert refinement == pytest.approx(12 * 9 * 256 * 512 * (4 * 32 + 6 * 32 * 32 + 32) / 1e9)
-    assert window == pytest.approx(coarse + refinement / 4)
+    seen = (128 + 2 * 24) * (256 + 2 * 24)  # the refinement looks 24 px beyond its window
+    assert window == pytest.approx(coarse + refinement * seen / (256 * 512))
 
 
 def test_speed_of_a_network_is_timed_once_and_for_the_crops_of_its_budget(tmp_path, capsys):

@@ -153,6 +153,8 @@ def test_zeros_seen_by_the_refinement_are_counted():
     text = refinement_note({"the ablations": part, "Table 1": whole})
     assert "71 % of the 128 x 64 pixels in the ablations, 21 % of the 512 x 256 pixels in Table 1" in text
     assert "9 % of the 960 x 720 pixels in a whole frame" in text and "0.5 with refinement and 1 without" in text
+    with_margin = refinement_note({"the ablations": {**part, "refine_margin": 24}, "Table 1": None})
+    assert "zeros" not in with_margin and "0.5 with refinement and 1 without" in with_margin
     assert refinement_note({"the ablations": None, "Table 1": None}) == ""
 
 

@@ -47,11 +47,16 @@ def count_macs(
     with torch.device("meta"):
         network = build_network(name, max_disparity).eval()
         multiple = network.input_multiple
-        size = (1, 3, height + -height % multiple, width + -width % multiple)
-        part = Window(0, 0, *window) if window else None
+        size = 1, 3, height + -height % multiple, width + -width % multiple
+        part = _in_the_middle(window, size[2:], multiple) if window else None
         with FlopCounterMode(display=False) as counter, torch.no_grad():
             network(torch.zeros(size), torch.zeros(size), refined=refined, window=part)
     return int(counter.get_total_flops()) // 2
+
+
+def _in_the_middle(window: tuple[int, int], size: tuple[int, int], multiple: int) -> Window:
+    top, left = ((whole - part) // 2 // multiple * multiple for whole, part in zip(size, window, strict=True))
+    return Window(top, left, *window)
 
 
 def network_costs(name: str, max_disparity: int, height: int, width: int) -> NetworkCosts:

@@ -30,6 +30,7 @@ class RivalNetwork(StereoNetwork):
     """
 
     coarse_stride = output_stride = 1
+    refine_margin = 0
     stage_weights: tuple[float, ...]  # of the loss of each map, as published
 
     def __init__(self) -> None:

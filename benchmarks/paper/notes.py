@@ -17,15 +17,20 @@ LISTED = 8  # ids of pairs that a sentence names
 
 def refinement_note(rows: dict[str, dict[str, Any] | None]) -> str:
     """Say in what runs with and without refinement differ besides it; rows with refinement, by where they stand."""
-    shares = [f"{_share(row['refine_crop'] or row['crop'])} in {place}" for place, row in rows.items() if row]
-    if not shares:
+    trained = {place: row for place, row in rows.items() if row}
+    if not trained:
         return ""
-    return (
-        f"The two runs differ in more than the refinement. It reaches {refinement_reach()} px, and in training the "
-        "coarse map is cut where the part of the crop ends that it works on: zeros beyond are seen by "
-        f"{', '.join(shares)}, and by {_share(PAPER_FRAME)} in a whole frame, where errors are measured. Also the loss "
-        f"of the coarse map counts {TrainConfig().coarse_weight:g} with refinement and 1 without."
-    )
+    cut = {place: row["refine_crop"] or row["crop"] for place, row in trained.items() if not row.get("refine_margin")}
+    note = "The two runs differ in more than the refinement: "
+    if cut:
+        shares = ", ".join(f"{_share(window)} in {place}" for place, window in cut.items())
+        note += (
+            f"it reaches {refinement_reach()} px, and in training the coarse map is cut where the part of the crop "
+            f"ends that it works on, so that zeros beyond are seen by {shares}, and by {_share(PAPER_FRAME)} in a "
+            "whole frame, where errors are measured; "
+        )
+    weight = f"the loss of the coarse map counts {TrainConfig().coarse_weight:g} with refinement and 1 without."
+    return note + weight
 
 
 def refinement_reach() -> int:

@@ -31,6 +31,7 @@ class RunState:
     step: int
     steps: int  # of the whole budget
     config: TrainConfig
+    refine_margin: int  # px beyond its window that the refinement saw of the coarse map; 0: zeros
     trained_on: dict[str, Any]  # name, sha256 and pairs of the data set
 
     @property
@@ -63,7 +64,8 @@ def state_of(experiment: Experiment, runs: Path, budget: str, overrides: dict[st
         return None
     saved = checkpoint.load(folder)
     steps = experiment.planned(budget, overrides)["steps"]
-    return RunState(experiment.name, budget, folder, saved.step, steps, saved.config, saved.state["dataset"])
+    margin = saved.state.get("refine_margin", 0)
+    return RunState(experiment.name, budget, folder, saved.step, steps, saved.config, margin, saved.state["dataset"])
 
 
 def training_curve(state: RunState) -> dict[str, list[float]]:

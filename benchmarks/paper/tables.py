@@ -167,6 +167,7 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
         "complete": state.complete,
         "crop": config.crop,
         "refine_crop": config.refine_crop,
+        "refine_margin": state.refine_margin,
         "train_pairs": config.train_pairs,
         "train_data": state.trained_on,
         "curve": training_curve(state),

@@ -47,7 +47,8 @@ def claim_verdict(group: str, claim: Claim, groups: Groups, pairs: int) -> str:
     orders = [smaller(errors[claim.run], errors[other], spread) for other in claim.others]
     verdict = min((VERDICTS[claim.relation][order] for order in orders), key=(FAILED, UNDECIDED, HELD).index)
     why = f" (closer than {100 * spread:.1f} %)" if None in orders and verdict != FAILED else ""
-    if not claim.fair_on_windows and known[claim.run]["refine_crop"]:
+    windowed = known[claim.run]["refine_crop"] and not known[claim.run].get("refine_margin")
+    if not claim.fair_on_windows and windowed:
         verdict, why = UNDECIDED, " (the runs differ in more than that, see below)"
     seen = f"{known[claim.run]['samples_seen']} crops of {size(known[claim.run]['crop'])}"
     numbers = ", ".join(f"{label}: {_listed(found)}" for label, found in errors.items())

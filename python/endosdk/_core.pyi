@@ -22,6 +22,7 @@ _View = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
 
 def isa() -> _Isa: ...
 def set_isa(name: str) -> None: ...
+
 # Answers this close to an end of the network's range, px of the network, count as out of range.
 range_margin: float
 

@@ -42,7 +42,7 @@ def test_the_set_that_is_rendered_has_pairs_for_the_commands_after_it():
 
 def test_the_commands_run_one_after_the_other(rendered):
     trainings, exports, evaluations = (commands(verb) for verb in ("train", "export", "evaluate"))
-    assert len(trainings) == 2 and len(exports) == len(evaluations) == 1
+    assert len(trainings) == len(exports) == 2 and len(evaluations) == 1
     for words in trainings:
         assert main([*words, "--steps", "1"]) == 0
     for words in (*exports, *evaluations):

@@ -224,6 +224,7 @@ class Run:
                 "seconds": self.seconds,
                 "history": self.history,
                 "dataset": self._dataset_note(),
+                "refine_margin": self.network.refine_margin,
                 "init": self.origin,
             }
             path = self.out / checkpoint.LAST

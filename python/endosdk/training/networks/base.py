@@ -29,6 +29,17 @@ class Window(NamedTuple):
         columns = slice(self.left // stride, (self.left + self.width) // stride)
         return values[..., rows, columns]
 
+    def grown(self, margin: int, height: int, width: int) -> Window:
+        """Return this part with what lies around it, up to ``margin`` and the border of an input of this size, px."""
+        top, left = max(0, self.top - margin), max(0, self.left - margin)
+        bottom = min(height, self.top + self.height + margin)
+        right = min(width, self.left + self.width + margin)
+        return Window(top, left, bottom - top, right - left)
+
+    def within(self, outer: Window) -> Window:
+        """Return this part as seen from the corner of a larger one that holds it."""
+        return self._replace(top=self.top - outer.top, left=self.left - outer.left)
+
 
 class Coarse(NamedTuple):
     """Result of the matching stage, on the grid on which the refinement works: 1/``coarse_stride`` of the input."""
@@ -55,6 +66,7 @@ class StereoNetwork(nn.Module, ABC):
     input_multiple: int
     coarse_stride: int  # input pixels per cell of the grid on which the refinement works
     output_stride: int  # input pixels per cell of the answer
+    refine_margin: int  # how far the refinement looks, in input pixels, up to a multiple of ``input_multiple``
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
     plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
     usual_width: int | None = None  # width at which frames are to be seen, px; None: any
@@ -79,16 +91,21 @@ class StereoNetwork(nn.Module, ABC):
         """Predict from float views [N, 3, H, W], 0..255; H and W are multiples of ``input_multiple``.
 
         Without ``refined`` only the coarse map is computed. A window limits the refinement, which is local and by far
-        the dearest part of training: the first map is then that of the whole input, the second that of the window.
+        the dearest part of training: the first map is then that of the whole input, the second that of the window, as
+        it is in the whole picture.
         """
         coarse = self.coarse(left, right)
         if not refined:
             return Prediction([self.on_answer_grid(coarse.disparity)], coarse.evidence)
         if window is None:
             return self.refine(coarse)
-        parts = (None if part is None else window.of(part, self.coarse_stride) for part in coarse)
+        seen = window.grown(self.refine_margin, *left.shape[-2:])
+        parts = (None if part is None else seen.of(part, self.coarse_stride) for part in coarse)
         prediction = self.refine(Coarse(*parts))  # type: ignore[arg-type]
-        return Prediction([self.on_answer_grid(coarse.disparity), *prediction.disparities[1:]], prediction.evidence)
+        asked = window.within(seen)
+        fine = [asked.of(disparity, self.output_stride) for disparity in prediction.disparities[1:]]
+        evidence = asked.of(prediction.evidence, self.coarse_stride)
+        return Prediction([self.on_answer_grid(coarse.disparity), *fine], evidence)
 
     def on_answer_grid(self, values: Tensor) -> Tensor:
         """Bring values of the coarse grid to the grid of the answer."""

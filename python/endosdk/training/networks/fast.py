@@ -76,6 +76,8 @@ class Fast(StereoNetwork):
         self.volume = DifferenceVolume(shape.stem, shape.volume, self.max_disparity // CELL)
         self.aggregation = PlaneLayers(shape.volume, shape.layers)
         self.refinement = Refinement(shape)
+        reach = CELL * (1 + 2 * shape.refine_layers + 1)
+        self.refine_margin = -(-reach // self.input_multiple) * self.input_multiple
         self.confidence = ConfidenceHead(channels=5)
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:

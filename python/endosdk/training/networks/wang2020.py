@@ -40,6 +40,7 @@ class Wang2020(StereoNetwork):
     input_multiple = CELL
     coarse_stride = output_stride = 1
     plane_step = CELL
+    refine_margin = -(-(1 + sum(DILATIONS) + 1) // CELL) * CELL
 
     def __init__(self, max_disparity: int = 72) -> None:
         """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
