@@ -66,10 +66,11 @@ class Answerer:
         stage(left, right, found.left, found.right, "rgb")
         self.session.run(found)
         answered = []
-        for right_view in (None, found.right):
+        same = _core.same_pixels(left, right)
+        for right_view, same_frames in ((None, False), (found.right, same)):
             maps = Maps.allocate(width, height, metric=False)
             seen = SimpleNamespace(**{**vars(found), "right": right_view})
-            postprocess(seen, stage, None, self.limits, maps)  # type: ignore[arg-type]
+            postprocess(seen, stage, None, self.limits, maps, same_frames)  # type: ignore[arg-type]
             answered.append(maps.reasons == 0)
         return Answer(maps.disparity, *answered)
 
@@ -147,7 +148,11 @@ def measure(model: str, samples: list[Sample], real: Path | None) -> dict[str, A
     record["bad_light"] = {name: answer(*pair).shares() for name, *pair in degraded_pairs(*views)}
     record["wrong_pairs"] = {name: answer(*pair).shares() for name, *pair in wrong_pairs(*views)}
     if real is not None:
-        record["real_pairs"] = {name: answer(*pair).shares() for name, *pair in real_pairs(real)}
+        pairs = list(real_pairs(real))
+        record["real_pairs"] = {name: answer(*pair).shares() for name, *pair in pairs}
+        # Of rigs whose lens maps differ, so that even one camera connected twice gives two pictures.
+        record["real_swapped"] = {name: answer(right, left, rig).shares() for name, left, right, rig in pairs}
+        record["real_twice_left"] = {name: answer(left, left, rig).shares() for name, left, _, rig in pairs}
     return record
 
 

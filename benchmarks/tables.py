@@ -57,7 +57,9 @@ PAIRS = {
     "wrong_pairs/right covered": "right camera covered",
     "wrong_pairs/right frozen grey": "right view a uniform grey",
     "wrong_pairs/twice the left": "the left view twice",
+    "real_twice_left/hamlyn_phantom": "the same of a raw phantom rig, whose lens maps make two pictures of it",
     "wrong_pairs/views swapped": "views swapped",
+    "real_swapped/hamlyn_phantom": "the same of the phantom",
     "wrong_pairs/right 12 rows off": "right view 12 rows off",
 }
 
