@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -71,7 +72,8 @@ def test_no_object_tells_where_the_headers_of_the_runtime_were(installed, tmp_pa
     c.configure(build, *options, f"-DONNXRUNTIME_INCLUDE_DIR={headers}")
     for entry in json.loads((build / "compile_commands.json").read_text()):
         if Path(entry["file"]).name in ("capi.cpp", "runtime.cpp"):
-            made = Path(entry["directory"]) / entry["output"]
+            words = shlex.split(entry["command"])
+            made = Path(entry["directory"]) / words[words.index("-o") + 1]
             made.parent.mkdir(parents=True, exist_ok=True)
             subprocess.run(entry["command"], shell=True, cwd=entry["directory"], check=True)
             assert str(tmp_path).encode() not in made.read_bytes()
