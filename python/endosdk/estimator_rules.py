@@ -11,7 +11,7 @@ from endosdk.errors import CalibrationRequired, InvalidArgument
 from endosdk.rectify import CHANNEL_ORDERS
 
 MOST_THREADS = 256
-LONGEST_SIDE = 32768  # px, of the pictures that a network is shown
+LONGEST_SIDE = 32767  # px, of the pictures that a network is shown: the core stores positions in 16 bits
 
 
 def check_order(order: Any) -> str:

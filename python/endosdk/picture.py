@@ -47,15 +47,15 @@ def robust_range(values: npt.NDArray[np.floating]) -> tuple[float, float]:
 
 
 def overview(left: Picture, result: DepthResult) -> Picture:
-    """Four panels: rectified left view, depth (or disparity), confidence, reasons. RGB uint8."""
-    height, width = result.disparity.shape
+    """Four panels: rectified left view, of the size of the maps, depth (or disparity), confidence, reasons. RGB uint8."""
+    height = result.disparity.shape[0]
     if result.depth_map is not None:
         name, values, unit = "depth", result.depth_map, "mm"
     else:
         name, values, unit = "disparity", np.where(result.reasons == 0, result.disparity, np.nan), "px"
     low, high = robust_range(values)
     panels = [
-        _panel("left view, rectified", _fit(left, width, height)),
+        _panel("left view, rectified", left),
         _panel(f"{name} ({unit})", colour_map(values, low, high), _scale(height, low, high)),
         _panel("confidence", colour_map(result.confidence, 0.0, 1.0), _scale(height, 0.0, 1.0)),
         _panel(f"reasons ({100 * result.valid_share:.0f} % of pixels have an answer)", _reasons(result.reasons)),
@@ -81,14 +81,6 @@ def error_overview(left: Picture, disparity: Map, truth: Map, caption: str) -> P
         _panel("absolute error (px)", colour_map(error, 0.0, worst), _scale(height, 0.0, worst)),
     ]
     return np.ascontiguousarray(np.vstack([np.hstack(panels[i : i + 2]) for i in (0, 2)]))
-
-
-def _fit(picture: Picture, width: int, height: int) -> Picture:
-    import cv2
-
-    if picture.shape[:2] == (height, width):
-        return picture
-    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
 def _reasons(reasons: npt.NDArray[np.uint8]) -> Picture:
