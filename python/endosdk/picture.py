@@ -47,7 +47,7 @@ def robust_range(values: npt.NDArray[np.floating]) -> tuple[float, float]:
 
 
 def overview(left: Picture, result: DepthResult) -> Picture:
-    """Four panels: rectified left view, of the size of the maps, depth (or disparity), confidence, reasons. RGB uint8."""
+    """Four panels: rectified left view (as large as the maps), depth (or disparity), confidence, reasons. RGB uint8."""
     height = result.disparity.shape[0]
     if result.depth_map is not None:
         name, values, unit = "depth", result.depth_map, "mm"

@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from endosdk.dataset import SPLITS, Sample, hash_sample, write_record, write_sample
+from endosdk.dataset import hash_sample
 from tests.training.exported_networks import export_into
-from tests.training.warped_scenes import warped_pair
+from tests.training.warped_set import write_warped_set
 
 SIZE = (128, 256)
 
@@ -19,14 +19,8 @@ def two_threads():
 @pytest.fixture(scope="session")
 def dataset_root(tmp_path_factory):
     """A set of ten training and two test pairs on disk."""
-    root = tmp_path_factory.mktemp("set")
-    hashes = {split: {} for split in SPLITS}
-    for split, seeds in (("train", range(10)), ("test", range(100, 102))):
-        for seed in seeds:
-            left, right, truth = warped_pair(seed, SIZE, (3.0, 26.0))
-            sample = Sample(f"{seed:04d}", left, right, truth, None, None, focal_px=200.0, baseline_mm=5.0)
-            hashes[split][sample.id] = write_sample(root, split, sample)
-    write_record(root, {"format_version": 1, "name": "warped", "samples": hashes})
+    root = tmp_path_factory.mktemp("set") / "warped"
+    hashes = write_warped_set(root, 10, 2, SIZE, (3.0, 26.0))
     assert hash_sample(root / "train" / "0000") == hashes["train"]["0000"]
     return root
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import SPLITS, Sample, write_record, write_sample
-from tests.training.warped_scenes import warped_pair
+from tests.training.warped_set import write_warped_set
 
 README = Path(__file__).parents[2] / "README.md"
 FRAME = (720, 960)  # of simulate, unless it is told otherwise
@@ -24,14 +23,7 @@ def rendered(tmp_path, monkeypatch):
     """The folders that the README names, and in them sets with as few pairs as training takes."""
     monkeypatch.chdir(tmp_path)
     for root in (Path("data/mix"), Path("data/mine")):
-        root.mkdir(parents=True)
-        hashes = {split: {} for split in SPLITS}
-        for split, seeds in (("train", range(9)), ("test", range(100, 101))):
-            for seed in seeds:
-                left, right, truth = warped_pair(seed, FRAME, (8.0, 60.0))
-                sample = Sample(f"{seed:04d}", left, right, truth, None, None, focal_px=400.0, baseline_mm=10.0)
-                hashes[split][sample.id] = write_sample(root, split, sample)
-        write_record(root, {"format_version": 1, "name": root.name, "samples": hashes})
+        write_warped_set(root, 9, 1, FRAME, (8.0, 60.0))
 
 
 def test_the_set_that_is_rendered_has_pairs_for_the_commands_after_it():
