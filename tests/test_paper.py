@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -15,27 +16,21 @@ from benchmarks.paper.__main__ import main
 from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
 from benchmarks.paper.runs import config_gmacs
 from benchmarks.paper.speed import speeds
-from endosdk.dataset import SPLITS, Sample, write_record, write_sample
 from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.parity import check_parity
 from tests.training.warped_scenes import warped_pair
+from tests.training.warped_set import write_warped_set
 
 
 @pytest.fixture(scope="module")
 def tiny_set(tmp_path_factory):
     """Four training and two test pairs, wide enough for StereoSGBM."""
     torch.set_num_threads(2)
-    root = tmp_path_factory.mktemp("tiny")
-    hashes = {split: {} for split in SPLITS}
-    for split, seeds in (("train", range(4)), ("test", range(90, 92))):
-        for seed in seeds:
-            left, right, truth = warped_pair(seed, (64, 128), (3.0, 20.0))
-            sample = Sample(f"{seed:03d}", left, right, truth, None, None, focal_px=100.0, baseline_mm=5.0)
-            hashes[split][sample.id] = write_sample(root, split, sample)
-    write_record(root, {"format_version": 1, "name": "tiny", "samples": hashes})
+    root = tmp_path_factory.mktemp("set") / "tiny"
+    write_warped_set(root, 4, 2, (64, 128), (3.0, 20.0))
     return root
 
 
@@ -107,11 +102,13 @@ def test_search_keeps_what_it_tried_best_first_and_on_which_pairs(done, tiny_set
 
 def test_report_marks_short_runs_and_says_what_is_missing(done):
     text = (done / "docs/report.md").read_text()
-    assert re.search(r"\| wang2020, trained as the rivals \| \d.*\*\*stopped early: 2 of 4 crops\*\* \|", text)
+    assert re.search(r"\| wang2020, by its paper's recipe \| \d.*\*\*stopped early: 2 of 4 crops\*\* \|", text)
     assert "| PSMNet | not yet run |" in text
     assert "## Table 1 on the first 1 pairs of tiny" in text
-    assert "| PSMNet | not yet run | | |" in text  # no verdict on what is missing, one on what is there
-    assert re.search(r"\| StereoSGBM \| 2 \| \*\*undecided\*\*: .* stopped early, after 2 of 4 crops \|", text)
+    assert "| PSMNet | not yet run | | | |" in text  # no verdict on what is missing, one on what is there
+    assert re.search(
+        r"\| StereoSGBM \| 2 \| \*\*undecided\*\*: .* stopped early, after 2 of 4 crops \| not yet run \|", text
+    )
     assert "| 900 pairs | not yet run |" in text
     assert re.search(r"Ours: \*\*undecided\*\*: lambda 0.5 stopped early, after 2 of 4 crops, L2 stopped early", text)
     assert text.count("Ours: not yet run: ") == 5
@@ -129,7 +126,7 @@ def test_picture_of_methods_shows_the_answers_of_the_table(done, tiny_set, monke
     filled = classical_method("sgbm", settings, filled=True)(sample).disparity
     mean = np.nanmean(np.abs(filled - sample.disparity))
     assert titles[titles.index("StereoSGBM, holes filled") + 1] == f"error, 0 to 3 px; mean {mean:.3f} px"
-    assert "wang2020, trained as the rivals" in titles  # a network has no holes
+    assert "wang2020, by its paper's recipe" in titles  # a network has no holes
 
 
 def test_page_is_self_contained(done):
@@ -164,6 +161,18 @@ def test_rival_is_scored_by_its_file_which_computes_what_torch_does(tiny_set, tm
     (file,) = (tmp_path / "gpu/anynet").glob("*.onnx")
     pairs = [warped_pair(1, size, (3.0, 20.0))[:2] for size in ((96, 160), (75, 133))]
     assert len(check_parity(checkpoint.load(tmp_path / "gpu/anynet").build(), file, pairs)["sizes"]) == 2
+
+
+def test_run_that_was_begun_anew_is_scored_anew(tiny_set, tmp_path):
+    given = [f"--data={tiny_set}", f"--runs={tmp_path}", f"--results={tmp_path}", "--only", "wang2020", "--steps=1"]
+    rows = []
+    for width in ("96", "88"):
+        short = ["--batch=1", "--train-pairs=4", "--crop", "48", width, "--precision=fp32", "--budget=gpu"]
+        assert main(["train", *given, *short]) == 0
+        assert main(["evaluate", *given, *short]) == 0
+        rows.append(json.loads((tmp_path / "table1.json").read_text())["methods"]["wang2020"])
+        shutil.rmtree(tmp_path / "gpu")
+    assert rows[0]["samples_seen"] == rows[1]["samples_seen"] and rows[0]["epe"] != rows[1]["epe"]
 
 
 def test_run_that_needs_more_pairs_than_there_are_is_left_out(tiny_set, tmp_path, capsys):

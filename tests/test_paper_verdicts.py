@@ -10,7 +10,17 @@ from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
 from benchmarks.paper.notes import ablations_note, padded_share, rate_note, refinement_note, search_note
 from benchmarks.paper.report import write_report
 from benchmarks.paper.tables import KPE, row
-from benchmarks.paper.verdicts import FAILED, HELD, UNDECIDED, VERDICTS, claim_verdict, rival_verdicts, seed_spread
+from benchmarks.paper.verdicts import (
+    FAILED,
+    HELD,
+    NOT_RUN,
+    UNDECIDED,
+    VERDICTS,
+    claim_verdict,
+    error_verdict,
+    seed_spread,
+    time_verdict,
+)
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 SPREAD = 0.05
@@ -107,16 +117,20 @@ def test_rivals_are_judged_by_error_and_by_time():
         "sgbm": {"epe": 0.41, "ms": 9.0},
         "psmnet": {"epe": 0.9, "ms": 9.0, "complete": False, "samples_seen": 3600, "samples_planned": 12800},
     }
-    error, time = rival_verdicts("anynet", rows, SPREAD)
-    assert error == "**held**: 0.400 px against 0.800 px"
-    assert time == "**did not hold**: 5.0 ms against 2.0 ms"
-    assert rival_verdicts("sgbm", rows, SPREAD)[0].startswith(UNDECIDED)
-    assert rival_verdicts("anynet", rows, None)[0].startswith(UNDECIDED)
-    error, time = rival_verdicts("psmnet", rows, SPREAD)
+    assert error_verdict("wang2020", "anynet", rows, SPREAD) == "**held**: 0.400 px against 0.800 px"
+    assert time_verdict("anynet", rows) == "**did not hold**: 5.0 ms against 2.0 ms"
+    assert error_verdict("wang2020", "sgbm", rows, SPREAD).startswith(UNDECIDED)
+    assert error_verdict("wang2020", "anynet", rows, None).startswith(UNDECIDED)
+    assert error_verdict("wang2020-adam", "anynet", rows, SPREAD) == NOT_RUN
+    error = error_verdict("wang2020", "psmnet", rows, SPREAD)
     assert error.startswith(UNDECIDED) and "PSMNet stopped early, after 3600 of 12800 crops" in error
-    assert time.startswith(HELD)
+    assert time_verdict("psmnet", rows).startswith(HELD)
     rows["psmnet"]["epe"] = 0.3  # ahead in spite of less training
-    assert rival_verdicts("psmnet", rows, SPREAD)[0].startswith(FAILED)
+    assert error_verdict("wang2020", "psmnet", rows, SPREAD).startswith(FAILED)
+    rows["wang2020-adam"] = {"epe": 0.2, "ms": 5.0, "complete": False, "samples_seen": 2, "samples_planned": 4}
+    assert error_verdict("wang2020-adam", "psmnet", rows, SPREAD).startswith(UNDECIDED)
+    assert error_verdict("wang2020-adam", "anynet", rows, SPREAD).startswith(HELD)
+    assert error_verdict("wang2020-adam", "sgbm", rows | {"sgbm": {"epe": 0.1}}, SPREAD).startswith(UNDECIDED)
 
 
 def test_report_judges_what_the_records_hold(tmp_path):

@@ -102,5 +102,6 @@ def rate_note() -> str:
     """Say what of a rival's training is not that of its paper."""
     return (
         "loss, optimiser and first rate are those of its paper, while the fall of the rate to "
-        f"{PROTOCOL['final_rate']:g} is the protocol's for all"
+        f"{PROTOCOL['final_rate']:g} is the protocol's for all; one more run of wang2020 has the loss and the "
+        "optimiser of the rivals instead"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import os
 import signal
 import sys
@@ -28,6 +29,7 @@ class RunState:
     name: str
     budget: str
     folder: Path
+    sha256: str  # of the checkpoint: a run that was begun anew has other weights after as many steps
     step: int
     steps: int  # of the whole budget
     config: TrainConfig
@@ -64,8 +66,17 @@ def state_of(experiment: Experiment, runs: Path, budget: str, overrides: dict[st
         return None
     saved = checkpoint.load(folder)
     steps = experiment.planned(budget, overrides)["steps"]
-    margin = saved.state.get("refine_margin", 0)
-    return RunState(experiment.name, budget, folder, saved.step, steps, saved.config, margin, saved.state["dataset"])
+    return RunState(
+        name=experiment.name,
+        budget=budget,
+        folder=folder,
+        sha256=hashlib.sha256((folder / checkpoint.LAST).read_bytes()).hexdigest(),
+        step=saved.step,
+        steps=steps,
+        config=saved.config,
+        refine_margin=saved.state.get("refine_margin", 0),
+        trained_on=saved.state["dataset"],
+    )
 
 
 def training_curve(state: RunState) -> dict[str, list[float]]:
@@ -95,14 +106,19 @@ def stop_after(minutes: float) -> threading.Timer:
 
 
 def exported(state: RunState) -> Path:
-    """Return the model file of a run, written anew when the run has gone on since."""
-    file = state.folder / f"step{state.step}.onnx"
+    """Return the model file of a run, written when its checkpoint is a new one."""
+    file = model_file(state.folder, state.sha256)
     if not file.exists():
         network = checkpoint.load(state.folder).build()
         note = {"samples_seen": state.samples_seen, "samples_planned": state.samples_planned}
         info = ModelInfo(name=state.name, version="1", training=note)
         export_model(network, file, info, size_step=network.input_multiple if isinstance(network, RivalNetwork) else 1)
     return file
+
+
+def model_file(folder: Path, sha256: str) -> Path:
+    """Return where the model file of a run lies, by the hash of its checkpoint."""
+    return folder / f"{sha256[:16]}.onnx"
 
 
 def plan(

@@ -18,7 +18,7 @@ from benchmarks.methods.costs import network_costs
 from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
-from benchmarks.paper.runs import RunState, exported, training_curve
+from benchmarks.paper.runs import RunState, exported, model_file, training_curve
 from benchmarks.turns import answers_in_turns
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
@@ -154,7 +154,7 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
     def make() -> dict[str, Any]:
         return scores.score(estimator_method(str(exported(state))))
 
-    found = scores.get(f"{state.budget}/{state.name}", f"step {state.step}", make)
+    found = scores.get(f"{state.budget}/{state.name}", state.sha256, make)
     config = state.config
     costs = network_costs(config.network, config.max_disparity, size[1], size[0])
     return {
@@ -162,6 +162,7 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
         "params": costs.params,
         "gmacs": costs.gmacs,
         "budget": state.budget,
+        "checkpoint_sha256": state.sha256,
         "samples_seen": state.samples_seen,
         "samples_planned": state.samples_planned,
         "complete": state.complete,
@@ -256,10 +257,8 @@ def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:
         return estimator_method(name.removeprefix("shipped-"))
     if "budget" not in values:
         return None
-    files = sorted(
-        (runs / values["budget"] / name).glob("step*.onnx"), key=lambda path: int(path.stem.removeprefix("step"))
-    )
-    return estimator_method(str(files[-1])) if files else None
+    file = model_file(runs / values["budget"] / name, values["checkpoint_sha256"])
+    return estimator_method(str(file)) if file.exists() else None
 
 
 def retime(methods: dict[str, Method], reader: DatasetReader, pairs: int = 3, repeats: int = 3) -> dict[str, float]:

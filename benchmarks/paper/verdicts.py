@@ -55,22 +55,25 @@ def claim_verdict(group: str, claim: Claim, groups: Groups, pairs: int) -> str:
     return f"{verdict}{why} after {seen} (the protocol: {crops(PROTOCOL)}), on the first {pairs} test pairs: {numbers}."
 
 
-def rival_verdicts(rival: str, rows: dict[str, dict[str, Any]], spread: float | None) -> tuple[str, str]:
-    """Judge whether wang2020 has the smaller error, and whether it takes less time, than a rival of the same table."""
-    ours, theirs = rows["wang2020"], rows[rival]
+def error_verdict(run: str, rival: str, rows: dict[str, dict[str, Any]], spread: float | None) -> str:
+    """Judge whether a run of wang2020 has a smaller error than a rival of the same table."""
+    if run not in rows:
+        return NOT_RUN
+    ours, theirs = rows[run], rows[rival]
     errors = f"{ours['epe']:.3f} px against {theirs['epe']:.3f} px"
-    times = f"{ours['ms']:.1f} ms against {theirs['ms']:.1f} ms"
     order = None if spread is None else smaller([ours["epe"]], [theirs["epe"]], spread)
     # One that is behind and was stopped early could still have come first.
-    behind = {True: (rival,), False: ("wang2020",), None: ("wang2020", rival)}[order]
+    behind = {True: (rival,), False: (run,), None: (run, rival)}[order]
     early = [f"{LABELS[name]} {_stopped(rows[name])}" for name in behind if not rows[name].get("complete", True)]
     if early:
-        error = f"{UNDECIDED}: {errors}, {', '.join(early)}"
-    elif spread is None:
-        error = NOT_REPEATED
-    else:
-        error = f"{VERDICTS['below'][order]}: {errors}"
-    return error, f"{HELD if ours['ms'] < theirs['ms'] else FAILED}: {times}"
+        return f"{UNDECIDED}: {errors}, {', '.join(early)}"
+    return NOT_REPEATED if spread is None else f"{VERDICTS['below'][order]}: {errors}"
+
+
+def time_verdict(rival: str, rows: dict[str, dict[str, Any]]) -> str:
+    """Judge whether wang2020 takes less time than a rival of the same table."""
+    ours, theirs = rows["wang2020"]["ms"], rows[rival]["ms"]
+    return f"{HELD if ours < theirs else FAILED}: {ours:.1f} ms against {theirs:.1f} ms"
 
 
 def smaller(errors: Sequence[float], others: Sequence[float], spread: float) -> bool | None:
