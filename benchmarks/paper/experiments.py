@@ -47,7 +47,7 @@ BUDGETS = {
     "gpu": Budget(),
     "cpu": Budget(
         changes={"refine_crop": (128, 256)},
-        ablation={"steps": 400, "crop": (192, 384), "refine_crop": (64, 128)},
+        ablation={"steps": 1200, "crop": (192, 384), "refine_crop": (64, 128)},
         ablation_pairs=25,
         most_steps={"psmnet": 900},
     ),
