@@ -133,10 +133,11 @@ def _pixels(row: dict[str, Any]) -> str:
 
 
 def _note(row: dict[str, Any]) -> str:
-    if row.get("complete") is False:
-        return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**"
     if "samples_seen" in row:
-        return f"{row['samples_seen']} crops"
+        cost = f"{row['training_tmacs']:.0f} TMAC of training"
+        if not row["complete"]:
+            return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**, {cost}"
+        return f"{row['samples_seen']} crops, {cost}"
     data = row.get("trained_on")
     return f"a recipe of its own, last on {data['name']}, {data['pairs']} pairs" if data else ""
 

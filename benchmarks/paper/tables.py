@@ -18,7 +18,7 @@ from benchmarks.methods.costs import network_costs
 from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
-from benchmarks.paper.runs import RunState, exported, model_file, training_curve
+from benchmarks.paper.runs import RunState, config_gmacs, exported, model_file, training_curve
 from benchmarks.turns import answers_in_turns
 from endosdk.baseline import fill_holes
 from endosdk.bench import write_record
@@ -166,6 +166,7 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
         "samples_seen": state.samples_seen,
         "samples_planned": state.samples_planned,
         "complete": state.complete,
+        "training_tmacs": config_gmacs(config.as_dict()) * state.step / 1e3,
         "crop": config.crop,
         "refine_crop": config.refine_crop,
         "refine_margin": state.refine_margin,
