@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
-from benchmarks.paper.notes import ablations_note, padded_share, rate_note, refinement_note, search_note
+from benchmarks.paper.notes import ablations_note, cause_note, padded_share, rate_note, refinement_note, search_note
 from benchmarks.paper.report import write_report
 from benchmarks.paper.tables import KPE, row
 from benchmarks.paper.verdicts import (
@@ -131,6 +131,22 @@ def test_rivals_are_judged_by_error_and_by_time():
     assert error_verdict("wang2020-adam", "psmnet", rows, SPREAD).startswith(UNDECIDED)
     assert error_verdict("wang2020-adam", "anynet", rows, SPREAD).startswith(HELD)
     assert error_verdict("wang2020-adam", "sgbm", rows | {"sgbm": {"epe": 0.1}}, SPREAD).startswith(UNDECIDED)
+
+
+def test_a_lost_column_is_explained_by_what_the_runs_took():
+    rows = {
+        "wang2020": {"epe": 0.6, "ms": 5.0, "training_tmacs": 200.0, "samples_seen": 400},
+        "wang2020-adam": {"epe": 0.4, "ms": 5.0, "training_tmacs": 200.0, "samples_seen": 400},
+        "anynet": {"epe": 0.8, "ms": 2.0, "training_tmacs": 10.0, "samples_seen": 400},
+        "sgbm": {"epe": 0.3, "ms": 9.0},
+    }
+    alone = cause_note(rows)
+    assert alone.endswith("wang2020 ends at 0.400 px, not 0.600.")
+    ahead = {"epe": 0.3, "ms": 60.0, "training_tmacs": 1000.0, "samples_seen": 90}
+    found = cause_note(rows | {"psmnet": ahead})
+    assert found.startswith(alone) and "PSMNet stays ahead: its training on 90 crops took 5.0 times" in found
+    assert "a frame 12 times the time" in found
+    assert cause_note({"wang2020": rows["wang2020"]}) == ""
 
 
 def test_report_judges_what_the_records_hold(tmp_path):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
@@ -21,6 +22,7 @@ from endosdk.dataset_layouts import open_dataset
 from endosdk.picture import colour_map, robust_range
 
 CURVES = ("loss", "pairs", "range", "refinement")
+DOTS_PER_INCH = 110
 SMOOTHED = 40  # entries of a curve: a batch's error says little
 
 
@@ -124,5 +126,9 @@ def _show(axes: Any, picture: Any, title: str) -> None:
 
 
 def _save(figure: Figure, file: Path) -> Path:
-    FigureCanvasAgg(figure).print_figure(file, dpi=110, metadata={"Software": None})
+    figure.set_dpi(DOTS_PER_INCH)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    # With a palette the pictures, which the page holds, take a third of the space.
+    Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(256).save(file, optimize=True)
     return file

@@ -21,7 +21,7 @@ from benchmarks.paper.experiments import (
     crops,
     size,
 )
-from benchmarks.paper.notes import ablations_note, rate_note, refinement_note, search_note
+from benchmarks.paper.notes import ablations_note, cause_note, rate_note, refinement_note, search_note
 from benchmarks.paper.verdicts import NOT_RUN, claim_verdict, error_verdict, seed_spread, time_verdict
 
 
@@ -165,7 +165,8 @@ def _methods(tables: list[dict[str, Any]], ablations: dict[str, Any], docs: Path
     once = "Each network of these tables was trained once, with one seed."
     if spread is not None:
         once += f" Errors closer than {100 * spread:.1f} %, as those of two seeds in the ablations, are not told apart."
-    return [*lines, "", f"{once} {group.remark}", "", *_picture(group.title, docs / "methods.png")]
+    lines += ["", *_paragraph(cause_note(tables[0].get("methods", {}))), f"{once} {group.remark}", ""]
+    return [*lines, *_picture(group.title, docs / "methods.png")]
 
 
 def _ablations(ablations: dict[str, Any], table: dict[str, Any], docs: Path) -> list[str]:
