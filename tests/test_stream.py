@@ -209,7 +209,9 @@ def test_a_stream_whose_camera_has_stalled_can_be_left(threads):
 def test_one_interrupt_ends_a_program_whose_camera_has_stalled(tmp_path):
     program = tmp_path / "stalled.py"
     program.write_text(
-        "import sys, queue\n"
+        "import sys, queue, signal\n"
+        # What a shell started in the background ignores interrupts, and so would its children.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"sys.path.insert(0, {str(ROOT)!r})\n"
         "from endosdk import DepthEstimator\n"
         "from tests.conftest import TINY_MODEL, shifted_pair\n"
@@ -219,10 +221,13 @@ def test_one_interrupt_ends_a_program_whose_camera_has_stalled(tmp_path):
         "    print('frame', flush=True)\n"
     )
     with subprocess.Popen([sys.executable, str(program)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as running:
-        assert running.stdout.readline() == b"frame\n"
-        time.sleep(0.2)
-        running.send_signal(signal.SIGINT)
-        assert running.wait(timeout=10) != 0
+        try:
+            assert running.stdout.readline() == b"frame\n"
+            time.sleep(0.2)
+            running.send_signal(signal.SIGINT)
+            assert running.wait(timeout=10) != 0
+        finally:
+            running.kill()
 
 
 def test_a_function_may_return_what_cannot_be_compared_with_none():
