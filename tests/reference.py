@@ -188,3 +188,31 @@ def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, g
     clamped = np.clip(confidence, np.float32(1e-6), np.float32(1 - 1e-6)).astype(np.float64)
     scale = -1 / np.log1p(-clamped)
     return depth**2 / focal_baseline * gain * np.sqrt(2) * scale
+
+
+def guided_upsampling(disparity: np.ndarray, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Disparity [h, w] of every pixel of ``view`` uint8 [3, H, W], which has H / h pixels per cell, float64 [H, W].
+
+    Each pixel takes the mean of the cells less than three cells away, weighted by how near a cell lies (a tent), how
+    much its mean colour is like the pixel's, and one over the scale of the Laplace law that its confidence tells.
+    """
+    h, w = disparity.shape
+    factor = view.shape[1] // h
+    colours = view.astype(np.float64)
+    means = colours.reshape(3, h, factor, w, factor).mean(axis=(2, 4))
+    known = np.nan_to_num(confidence, nan=0.0)
+    trust = -np.log1p(-np.clip(known, np.float32(1e-6), np.float32(1 - 1e-6)).astype(np.float64))
+    out = np.empty((h * factor, w * factor))
+    for y, x in np.ndindex(out.shape):
+        at_y, at_x = (y + 0.5) / factor - 0.5, (x + 0.5) / factor - 0.5
+        weight = value = 0.0
+        for cell_y in range(int(np.floor(at_y)) - 2, int(np.floor(at_y)) + 4):
+            for cell_x in range(int(np.floor(at_x)) - 2, int(np.floor(at_x)) + 4):
+                tent = max(0.0, 1 - abs(at_y - cell_y) / 3) * max(0.0, 1 - abs(at_x - cell_x) / 3)
+                cell = min(max(cell_y, 0), h - 1), min(max(cell_x, 0), w - 1)  # the border stands in for what is beyond
+                unlike = np.abs(means[:, cell[0], cell[1]] - colours[:, y, x]).sum()
+                counts = tent * (max(0.0, 1 - unlike / 128) ** 4 + 1e-6) * trust[cell]
+                weight += counts
+                value += counts * disparity[cell]
+        out[y, x] = value / weight
+    return out

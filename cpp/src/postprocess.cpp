@@ -102,11 +102,21 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output) 
 
 int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch) {
   check(input, output);
-  RowResizer& shared = scratch.resizer;
-  shared.prepare(input.disparity.width, input.disparity.height, output.disparity.width, input.scale);
-  GlareRows& views = scratch.glare;
   const bool has_view = input.left.data != nullptr;
-  if (has_view) views.prepare(input.left, output.disparity.width, input.view_scale, shared.workers());
+  FloatView disparity = input.disparity;
+  Scale disparity_scale = input.scale;
+  if (has_view && GuidedUpsampling::factor(input.disparity, input.left) > 0) {
+    disparity = scratch.guided.upsampled(input.disparity, input.confidence, input.left);
+    disparity_scale = input.view_scale;
+  }
+  const int width = output.disparity.width;
+  RowResizer& disparities = scratch.disparity;
+  RowResizer& confidences = scratch.confidence;
+  disparities.prepare(disparity.width, disparity.height, width, disparity_scale);
+  confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
+  const int workers = disparities.workers();
+  GlareRows& views = scratch.glare;
+  if (has_view) views.prepare(input.left, width, input.view_scale, workers);
   FloatView confidence = input.confidence;
   if (input.right.data != nullptr) {
     const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
@@ -119,17 +129,17 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
   const auto process_rows = [&](int begin, int end, int worker) {
     int count = 0;
     for (int y = begin; y < end; ++y) {
-      shared.row(input.disparity, y, input.gain, worker, output.disparity.row(y));
-      shared.row(confidence, y, 1.0f, worker, output.confidence.row(y));
+      disparities.row(disparity, y, input.gain, worker, output.disparity.row(y));
+      confidences.row(confidence, y, 1.0f, worker, output.confidence.row(y));
       const uint8_t* brightness = has_view ? views.row(input.left, y, worker) : nullptr;
       count += kernels().depth_row(row_of(input, output, y, brightness), limits);
       if (shift != 0.0f) {
-        for (int x = 0; x < output.disparity.width; ++x) output.disparity.row(y)[x] -= shift;
+        for (int x = 0; x < width; ++x) output.disparity.row(y)[x] -= shift;
       }
     }
     usable += count;
   };
-  parallel_for(output.disparity.height, rows_per_block, process_rows, shared.workers());
+  parallel_for(output.disparity.height, rows_per_block, process_rows, workers);
   return usable;
 }
 

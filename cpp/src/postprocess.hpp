@@ -5,6 +5,7 @@
 
 #include "agreement.hpp"
 #include "glare_rows.hpp"
+#include "guided.hpp"
 #include "image.hpp"
 #include "resize.hpp"
 
@@ -30,7 +31,7 @@ struct PostprocessInput {
   float gain = 1.0f;  // network pixels to frame pixels
   float min_confidence = 0.0f;
   double last_plane = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
-  PlanarView left;  // as the network saw it, for saturation; no data: not tested
+  PlanarView left;  // as the network saw it, for saturation and to guide the upsampling; no data: neither
   PlanarView right;  // of the same size; no data: whether the views agree is not tested
   bool same_frames = false;  // as the cameras gave them, see same_pixels(): then no answer is to be trusted
   Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
@@ -51,11 +52,15 @@ struct PostprocessOutput {
 
 // Tables and scratch rows, kept between frames so that a frame allocates nothing.
 struct PostprocessScratch {
-  RowResizer resizer;
+  RowResizer disparity;
+  RowResizer confidence;
+  GuidedUpsampling guided;
   GlareRows glare;
   Agreement agreement;
 };
 
+// Where the left view has a whole number of pixels, two or more, per cell of the disparity, the disparity comes to the
+// view's grid guided by it, and from there to the output, like the confidence from its own grid, by bilinear resizing.
 // Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
 // right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to

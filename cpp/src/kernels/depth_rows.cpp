@@ -5,14 +5,13 @@
 #include "../depth.hpp"
 #include "kernels.hpp"
 #include "sets.hpp"
+#include "sharpness.hpp"
 
 namespace endosdk::ENDOSDK_ISA {
 namespace {
 
 constexpr int chunk = 128;
 constexpr float infinity = __builtin_inff();
-constexpr float least_confidence = 1e-6f;
-constexpr float most_confidence = 1.0f - 1e-6f;
 
 // What one chunk of a row needs between its loops. The second half of `cover` stays infinite: the scan looks there.
 struct Scratch {
@@ -28,31 +27,6 @@ struct Overlap {
   float begin;  // for match + 0.5
   float end;
 };
-
-// -log(1 - c) for c in [1e-6, 1 - 1e-6], within 4e-7 relative. What rounding of 1 - c loses is added back, because
-// it is most of the answer where c is small.
-inline float negative_log1m(float c) {
-  const float rest = 1.0f - c;
-  const float lost = (1.0f - rest) - c;
-  int32_t bits;
-  memcpy(&bits, &rest, sizeof(bits));
-  const int32_t exponent = (bits - 0x3f3504f3) >> 23;  // so that the mantissa lies between sqrt(1/2) and sqrt(2)
-  const int32_t mantissa_bits = bits - exponent * (1 << 23);
-  float mantissa;
-  memcpy(&mantissa, &mantissa_bits, sizeof(mantissa));
-  const float f = mantissa - 1.0f;
-  // Minimax fit of (log(1 + f) - f + f^2/2) / f^3.
-  float p = 8.918753266e-02f;
-  p = p * f - 1.434965730e-01f;
-  p = p * f + 1.487639099e-01f;
-  p = p * f - 1.656569391e-01f;
-  p = p * f + 1.996546388e-01f;
-  p = p * f - 2.500174642e-01f;
-  p = p * f + 3.333385587e-01f;
-  const float log_mantissa = f - 0.5f * f * f + f * f * f * p;
-  const float ln2 = 0.69314718f;
-  return -(static_cast<float>(exponent) * ln2 + (log_mantissa + lost));
-}
 
 void find_matches(const float* disparity, int first, int count, float* match) {
   for (int i = 0; i < count; ++i) {
@@ -134,10 +108,7 @@ void write_depth(const float* disparity, int count, const DepthLimits limits, in
 void write_sigma(const int32_t* reasons, const float* confidence, const float* depth, int count, float factor,
                  float* __restrict sigma) {
   for (int i = 0; i < count; ++i) {
-    float c = confidence[i];
-    c = c > least_confidence ? c : least_confidence;
-    c = c < most_confidence ? c : most_confidence;
-    const float value = factor * depth[i] * depth[i] / negative_log1m(c);
+    const float value = factor * depth[i] * depth[i] / sharpness(confidence[i]);
     sigma[i] = reasons[i] == 0 ? value : __builtin_nanf("");
   }
 }

@@ -15,7 +15,8 @@ namespace endosdk {
 namespace {
 
 #define ENDOSDK_KERNELS(isa) \
-  {#isa, isa::reduce_row, isa::remap_rgb, isa::remap_gray, isa::split_rgb, isa::blend_rows, isa::stretch_row, isa::depth_row}
+  {#isa,            isa::reduce_row,  isa::remap_rgb,  isa::remap_gray,  isa::split_rgb, isa::blend_rows, \
+   isa::stretch_row, isa::mean_cells, isa::trust_cells, isa::guided_row, isa::depth_row}
 
 bool runs_plain() { return true; }
 

@@ -56,6 +56,23 @@ struct Reduction {
   int scratch() const { return 2 * width * factor * channels; }
 };
 
+// Cells that a pixel's disparity comes from when it is upsampled, along each axis.
+constexpr int guided_taps = 6;
+
+// Planes of a row of cells: red, green, blue, trust, and trust times disparity.
+constexpr int guided_planes = 5;
+
+// One row of a map on the grid of a view, from cells of factor x factor of its pixels.
+struct GuidedRow {
+  const uint8_t* view[3];                               // red, green, blue
+  const float* cells[guided_taps][guided_planes];       // of the rows of cells around it
+  const int* start;                                     // of each phase of a pixel within its cell: the first cell's offset
+  const float* share;                                   // [factor][taps down][taps along]: how much a cell counts where it lies
+  int factor;
+  int count;  // cells along the row
+  float* out;
+};
+
 struct Kernels {
   const char* name;
 
@@ -78,6 +95,12 @@ struct Kernels {
   // used, up to stretch_reach elements from the first index of a group on.
   void (*stretch_row)(const float* value, const float* step, const int32_t* index, const float* weight, int count,
                       float* out);
+
+  // Means of `count` cells of factor x factor pixels of one channel.
+  void (*mean_cells)(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out);
+  // How much a cell's disparity is worth, see sharpness.hpp, and that times the disparity.
+  void (*trust_cells)(const float* disparity, const float* confidence, int count, float* trust, float* trusted);
+  void (*guided_row)(const GuidedRow& row);
 
   // Returns the number of pixels without a reason.
   int (*depth_row)(const DepthRow& row, const DepthLimits& limits);

@@ -14,6 +14,9 @@
                   float* step);                                                                                       \
   void stretch_row(const float* value, const float* step, const int32_t* index, const float* weight, int count,       \
                    float* out);                                                                                       \
+  void mean_cells(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out);                          \
+  void trust_cells(const float* disparity, const float* confidence, int count, float* trust, float* trusted);         \
+  void guided_row(const GuidedRow& row);                                                                              \
   int depth_row(const DepthRow& row, const DepthLimits& limits);                                                      \
   }
 

@@ -1,0 +1,93 @@
+// Upsampling guided by a view, compiled once per instruction set: plain loops that the compiler vectorises. Cells are
+// taken in chunks whose sums stay in the first cache.
+#include "kernels.hpp"
+#include "sets.hpp"
+#include "sharpness.hpp"
+
+namespace endosdk::ENDOSDK_ISA {
+namespace {
+
+constexpr int chunk = 64;
+constexpr int taps = guided_taps;
+
+// Of a cell that looks altogether different: with no alike cell around, all count as they lie.
+constexpr float least_likeness = 1e-6f;
+// Sum of the differences of three channels, grey levels, from which a cell looks altogether different.
+constexpr float unlike = 128.0f;
+
+struct Sums {
+  float weight[chunk];
+  float value[chunk];
+};
+
+// What one channel of a chunk's pixels is: every factor-th of the view's row.
+void read_pixels(const uint8_t* row, int factor, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] = static_cast<float>(row[i * factor]);
+}
+
+// Adds one row of cells; `share` holds how much each of the cells from the i-th on counts where it lies.
+void add_cells(const float* __restrict red, const float* __restrict green, const float* __restrict blue,
+               const float* __restrict trust, const float* __restrict trusted, const float* __restrict share,
+               const float (&pixels)[3][chunk], int count, Sums& sums) {
+  for (int i = 0; i < count; ++i) {
+    float weight = sums.weight[i];
+    float value = sums.value[i];
+    for (int t = 0; t < taps; ++t) {
+      const float difference = (__builtin_fabsf(red[i + t] - pixels[0][i]) + __builtin_fabsf(green[i + t] - pixels[1][i])) +
+                               __builtin_fabsf(blue[i + t] - pixels[2][i]);
+      float likeness = 1.0f - difference * (1.0f / unlike);
+      likeness = likeness > 0.0f ? likeness : 0.0f;
+      likeness = likeness * likeness;
+      const float counts = share[t] * (likeness * likeness + least_likeness);
+      weight = weight + counts * trust[i + t];
+      value = value + counts * trusted[i + t];
+    }
+    sums.weight[i] = weight;
+    sums.value[i] = value;
+  }
+}
+
+}  // namespace
+
+void mean_cells(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* __restrict out) {
+  const float share = 1.0f / static_cast<float>(factor * factor);
+  for (int i = 0; i < count; ++i) {
+    int sum = 0;
+    for (int y = 0; y < factor; ++y) {
+      for (int x = 0; x < factor; ++x) sum += rows[y * stride + i * factor + x];
+    }
+    out[i] = static_cast<float>(sum) * share;
+  }
+}
+
+void trust_cells(const float* disparity, const float* confidence, int count, float* __restrict trust,
+                 float* __restrict trusted) {
+  for (int i = 0; i < count; ++i) {
+    trust[i] = sharpness(confidence[i]);
+    trusted[i] = trust[i] * disparity[i];
+  }
+}
+
+void guided_row(const GuidedRow& row) {
+  float pixels[3][chunk];
+  Sums sums;
+  for (int phase = 0; phase < row.factor; ++phase) {
+    for (int first = 0; first < row.count; first += chunk) {
+      const int count = row.count - first < chunk ? row.count - first : chunk;
+      for (int c = 0; c < 3; ++c) {
+        read_pixels(row.view[c] + first * row.factor + phase, row.factor, count, pixels[c]);
+      }
+      for (int i = 0; i < chunk; ++i) sums.weight[i] = sums.value[i] = 0.0f;
+      for (int t = 0; t < taps; ++t) {
+        const float* const* cells = row.cells[t];
+        const ptrdiff_t at = first + row.start[phase];
+        add_cells(cells[0] + at, cells[1] + at, cells[2] + at, cells[3] + at, cells[4] + at,
+                  row.share + (phase * taps + t) * taps, pixels, count, sums);
+      }
+      float* const out = row.out + first * row.factor + phase;
+      for (int i = 0; i < count; ++i) out[i * row.factor] = sums.value[i] / sums.weight[i];
+    }
+  }
+}
+
+}  // namespace endosdk::ENDOSDK_ISA

@@ -1,0 +1,44 @@
+// What a confidence says of the expected error.
+#pragma once
+
+#include <stdint.h>
+#include <string.h>
+
+namespace endosdk {
+
+// -log(1 - c) for c in [1e-6, 1 - 1e-6], within 4e-7 relative. What rounding of 1 - c loses is added back, because
+// it is most of the answer where c is small.
+static inline float negative_log1m(float c) {
+  const float rest = 1.0f - c;
+  const float lost = (1.0f - rest) - c;
+  int32_t bits;
+  memcpy(&bits, &rest, sizeof(bits));
+  const int32_t exponent = (bits - 0x3f3504f3) >> 23;  // so that the mantissa lies between sqrt(1/2) and sqrt(2)
+  const int32_t mantissa_bits = bits - exponent * (1 << 23);
+  float mantissa;
+  memcpy(&mantissa, &mantissa_bits, sizeof(mantissa));
+  const float f = mantissa - 1.0f;
+  // Minimax fit of (log(1 + f) - f + f^2/2) / f^3.
+  float p = 8.918753266e-02f;
+  p = p * f - 1.434965730e-01f;
+  p = p * f + 1.487639099e-01f;
+  p = p * f - 1.656569391e-01f;
+  p = p * f + 1.996546388e-01f;
+  p = p * f - 2.500174642e-01f;
+  p = p * f + 3.333385587e-01f;
+  const float log_mantissa = f - 0.5f * f * f + f * f * f * p;
+  const float ln2 = 0.69314718f;
+  return -(static_cast<float>(exponent) * ln2 + (log_mantissa + lost));
+}
+
+// One over the scale, in network pixels, of the Laplace law whose probability of an error up to one of them is the
+// confidence. What is no number counts as no confidence.
+static inline float sharpness(float confidence) {
+  constexpr float least = 1e-6f;
+  constexpr float most = 1.0f - 1e-6f;
+  float c = confidence > least ? confidence : least;
+  c = c < most ? c : most;
+  return negative_log1m(c);
+}
+
+}  // namespace endosdk
