@@ -36,7 +36,7 @@ int GuidedUpsampling::factor(const FloatView& cells, const PlanarView& view) {
 
 void GuidedUpsampling::prepare(const FloatView& cells, int factor) {
   if (factor != factor_) {
-    factor_ = factor;
+    factor_ = 0;  // in case that memory runs out before the tables are whole
     start_.clear();
     share_.clear();
     // Cells are stored from `reach` beyond the left end of the grid on.
@@ -50,6 +50,7 @@ void GuidedUpsampling::prepare(const FloatView& cells, int factor) {
         }
       }
     }
+    factor_ = factor;
   }
   width_ = cells.width;
   height_ = cells.height;
