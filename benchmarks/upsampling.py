@@ -1,0 +1,59 @@
+"""What guiding the upsampling of disparity by the left view gains over bilinear resizing, of the same answers.
+
+    python -m benchmarks.upsampling --data DIR --pairs 100 --json benchmarks/results/upsampling.json
+
+The network runs once for each pair. Where its answer is as large as its input there is nothing to upsample, and both
+errors are the same.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from benchmarks.model_records import models_parser, record_models
+from endosdk import DepthEstimator, _core
+from endosdk.dataset import DatasetReader
+from endosdk.dataset_layouts import open_dataset
+from endosdk.models import read_model
+from endosdk.scores import ScoreBoard
+from endosdk.session import StereoSession, padded
+
+COLUMNS = ("epe_px", "kpe_1", "kpe_2", "kpe_3", "kpe_5")
+
+
+def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
+    """Errors of both ways over the first ``pairs`` of a split."""
+    estimator = DepthEstimator(model, threads=2)
+    session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False)
+    boards = {"bilinear": ScoreBoard(), "guided": ScoreBoard()}
+    for number in range(pairs):
+        sample = reader[number]
+        height, width = sample.left.shape[:2]
+        found = estimator.predict(sample.left, sample.right)
+        boards["guided"].add(found.disparity, sample.disparity)
+        seen = estimator.rectified_pair()
+        multiple = session.info.input_multiple
+        shown_height, shown_width = seen[0].shape[:2]
+        buffers = session.buffers(padded(shown_height, multiple), padded(shown_width, multiple))
+        _core.pack(*seen, buffers.left, buffers.right, "rgb")
+        session.run(buffers)
+        resized = np.empty((height, width), np.float32)
+        scales = (shown_height / height / session.info.output_stride, shown_width / width / session.info.output_stride)
+        _core.resize_bilinear(buffers.disparity, resized, *scales, width / shown_width)
+        boards["bilinear"].add(resized, sample.disparity)
+        print(f"pair {number + 1} of {pairs}", file=sys.stderr)
+    results = {way: board.result()["all"] for way, board in boards.items()}
+    return {"pairs": pairs, **{way: {key: result[key] for key in COLUMNS} for way, result in results.items()}}
+
+
+def main() -> None:
+    args = models_parser(__doc__, "the first so many pairs").parse_args()
+    reader = open_dataset(args.data, args.split)
+    record_models(args, reader, lambda model: measure(model, reader, min(args.pairs, len(reader))))
+
+
+if __name__ == "__main__":
+    main()
