@@ -16,6 +16,7 @@ from benchmarks.paper.__main__ import main
 from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
 from benchmarks.paper.runs import config_gmacs
 from benchmarks.paper.speed import speeds
+from benchmarks.paper.tables import Scores
 from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
@@ -174,6 +175,16 @@ def test_run_that_was_begun_anew_is_scored_anew(tiny_set, tmp_path):
         rows.append(json.loads((tmp_path / "table1.json").read_text())["methods"]["wang2020"])
         shutil.rmtree(tmp_path / "gpu")
     assert rows[0]["samples_seen"] == rows[1]["samples_seen"] and rows[0]["epe"] != rows[1]["epe"]
+
+
+def test_scores_taken_beside_one_another_are_all_kept(tiny_set, tmp_path):
+    reader = open_dataset(tiny_set, "test")
+    beside = [Scores(tmp_path / "scores.json", reader, None) for _ in range(2)]
+    for name, scores in zip("ab", beside, strict=True):
+        scores.get(name, "state", lambda name=name: {"epe": ord(name)})
+    again = Scores(tmp_path / "scores.json", reader, None)
+    assert [again.get(name, "state", dict) for name in "ab"] == [{"epe": ord(name)} for name in "ab"]
+    assert again.get("a", "another state", dict) == {}
 
 
 def test_run_that_needs_more_pairs_than_there_are_is_left_out(tiny_set, tmp_path, capsys):
