@@ -117,6 +117,15 @@ def range_end_table() -> str:
     return _table(heads, rows)
 
 
+def versions_table() -> str:
+    """Error of each version of wang2020, and what was new in its training."""
+    rows = []
+    for number, version in _record("wang2020_versions")["versions"].items():
+        errors = [f"{version[data]['epe_px']:.3f}" for data in ("endosim-gi", "endosim-gi-cycles")]
+        rows.append([number, version["phases"], version["what_is_new"], *errors])
+    return _table(["version", "phases", "new in the last one", "EPE, px", "path-traced, px"], rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
     "accuracy-cycles": partial(accuracy_table, "accuracy_cycles"),
@@ -124,6 +133,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "speed": speed_table,
     "agreement": agreement_table,
     "range-end": range_end_table,
+    "versions": versions_table,
 }
 
 

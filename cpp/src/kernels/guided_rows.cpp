@@ -1,5 +1,6 @@
 // Upsampling guided by a view, compiled once per instruction set: plain loops that the compiler vectorises. Cells are
-// taken in chunks whose sums stay in the first cache.
+// taken in chunks whose sums stay in the first cache. Cells of two pixels, the usual ones, have loops of their own,
+// because steps can be vectorised only where their length is known.
 #include "kernels.hpp"
 #include "sets.hpp"
 #include "sharpness.hpp"
@@ -21,8 +22,23 @@ struct Sums {
 };
 
 // What one channel of a chunk's pixels is: every factor-th of the view's row.
-void read_pixels(const uint8_t* row, int factor, int count, float* __restrict out) {
+inline void read_pixels(const uint8_t* row, int factor, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] = static_cast<float>(row[i * factor]);
+}
+
+inline void write_pixels(const Sums& sums, int factor, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i * factor] = sums.value[i] / sums.weight[i];
+}
+
+inline void mean(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* __restrict out) {
+  const float share = 1.0f / static_cast<float>(factor * factor);
+  for (int i = 0; i < count; ++i) {
+    int sum = 0;
+    for (int y = 0; y < factor; ++y) {
+      for (int x = 0; x < factor; ++x) sum += rows[y * stride + i * factor + x];
+    }
+    out[i] = static_cast<float>(sum) * share;
+  }
 }
 
 // Adds one row of cells; `share` holds how much each of the cells from the i-th on counts where it lies.
@@ -49,15 +65,8 @@ void add_cells(const float* __restrict red, const float* __restrict green, const
 
 }  // namespace
 
-void mean_cells(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* __restrict out) {
-  const float share = 1.0f / static_cast<float>(factor * factor);
-  for (int i = 0; i < count; ++i) {
-    int sum = 0;
-    for (int y = 0; y < factor; ++y) {
-      for (int x = 0; x < factor; ++x) sum += rows[y * stride + i * factor + x];
-    }
-    out[i] = static_cast<float>(sum) * share;
-  }
+void mean_cells(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out) {
+  factor == 2 ? mean(rows, stride, 2, count, out) : mean(rows, stride, factor, count, out);
 }
 
 void trust_cells(const float* disparity, const float* confidence, int count, float* __restrict trust,
@@ -75,7 +84,8 @@ void guided_row(const GuidedRow& row) {
     for (int first = 0; first < row.count; first += chunk) {
       const int count = row.count - first < chunk ? row.count - first : chunk;
       for (int c = 0; c < 3; ++c) {
-        read_pixels(row.view[c] + first * row.factor + phase, row.factor, count, pixels[c]);
+        const uint8_t* const view = row.view[c] + first * row.factor + phase;
+        row.factor == 2 ? read_pixels(view, 2, count, pixels[c]) : read_pixels(view, row.factor, count, pixels[c]);
       }
       for (int i = 0; i < chunk; ++i) sums.weight[i] = sums.value[i] = 0.0f;
       for (int t = 0; t < taps; ++t) {
@@ -85,7 +95,7 @@ void guided_row(const GuidedRow& row) {
                   row.share + (phase * taps + t) * taps, pixels, count, sums);
       }
       float* const out = row.out + first * row.factor + phase;
-      for (int i = 0; i < count; ++i) out[i * row.factor] = sums.value[i] / sums.weight[i];
+      row.factor == 2 ? write_pixels(sums, 2, count, out) : write_pixels(sums, row.factor, count, out);
     }
   }
 }
