@@ -132,6 +132,7 @@ int main() {
       test_postprocess(3, (width + 7) / 8, 17, width);
       test_postprocess(17, width, 17, width);
       test_postprocess(40, 2 * width, 17, width);  // a map that shrinks
+      for (const int factor : {2, 3}) test_postprocess(7, width, 7 * factor, width * factor);  // guided by the view
     }
   }
   const FloatView nothing = {nullptr, 0, 0};
