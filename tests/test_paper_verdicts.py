@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
-from benchmarks.paper.notes import ablations_note, cause_note, padded_share, rate_note, refinement_note, search_note
+from benchmarks.paper.notes import (
+    ablations_note,
+    cause_note,
+    padded_share,
+    rate_note,
+    refinement_note,
+    search_note,
+    shipped_note,
+)
 from benchmarks.paper.report import write_report
 from benchmarks.paper.tables import KPE, row
 from benchmarks.paper.verdicts import (
@@ -147,6 +155,19 @@ def test_a_lost_column_is_explained_by_what_the_runs_took():
     assert found.startswith(alone) and "PSMNet stays ahead: its training on 90 crops took 5.0 times" in found
     assert "a frame 12 times the time" in found
     assert cause_note({"wang2020": rows["wang2020"]}) == ""
+
+
+def test_columns_that_the_shipped_network_wins_and_loses():
+    rows = {
+        "shipped-wang2020": {"epe": 0.3, "kpe": {"1": 0.04, "3": 0.01}},
+        "psmnet": {"epe": 0.4, "kpe": {"1": 0.05, "3": 0.02}},
+    }
+    assert shipped_note(rows).endswith("wang2020 is first in every error column among PSMNet.")
+    rows["anynet"] = {"epe": 0.5, "kpe": {"1": 0.03, "3": 0.01}}
+    assert shipped_note(rows).endswith(
+        "wang2020 is, among AnyNet, PSMNet, first in the mean; behind AnyNet over 1 px; behind AnyNet over 3 px."
+    )
+    assert shipped_note({"psmnet": rows["psmnet"]}) == ""
 
 
 def test_report_judges_what_the_records_hold(tmp_path):

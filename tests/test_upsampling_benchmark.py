@@ -22,5 +22,5 @@ def test_guided_edges_are_nearer_to_the_truth(layers):
 
 
 def test_an_answer_as_large_as_the_input_is_left_alone(layers):
-    found = measure("wang2020", layers, 1)
+    found = measure("wang2020-192", layers, 1)
     assert found["guided"] == pytest.approx(found["bilinear"], rel=1e-5)

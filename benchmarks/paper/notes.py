@@ -76,6 +76,29 @@ def _versions(rows: Iterable[dict[str, Any]]) -> str:
     return ", ".join(sorted({_version(row["train_data"]) for row in rows if "train_data" in row}))
 
 
+def shipped_note(rows: dict[str, dict[str, Any]]) -> str:
+    """Say in which columns wang2020 as shipped is first among the rivals of the same table."""
+    ours = rows.get("shipped-wang2020")
+    rivals = {name: rows[name] for name in RIVALS if name in rows}
+    if ours is None or not rivals:
+        return ""
+    columns = {"in the mean": [row["epe"] for row in (ours, *rivals.values())]}
+    for limit in ours["kpe"]:
+        columns[f"over {limit} px"] = [row["kpe"][limit] for row in (ours, *rivals.values())]
+    behind = {
+        label: [LABELS[name] for name, error in zip(rivals, others, strict=True) if error <= own]
+        for label, (own, *others) in columns.items()
+    }
+    among = f"among {', '.join(LABELS[name] for name in rivals)}"
+    note = "As shipped, from a recipe of its own, wang2020 is"
+    first = [label for label, names in behind.items() if not names]
+    if len(first) == len(columns):
+        return f"{note} first in every error column {among}."
+    places = [f"first {', '.join(first)}"] if first else []
+    places += [f"behind {' and '.join(names)} {label}" for label, names in behind.items() if names]
+    return f"{note}, {among}, {'; '.join(places)}."
+
+
 def cause_note(rows: dict[str, dict[str, Any]]) -> str:
     """Say what the loss and the optimiser of its paper cost wang2020, and what a rival that is ahead of it took."""
     paper, changed = rows.get("wang2020"), rows.get("wang2020-adam")

@@ -21,7 +21,7 @@ from benchmarks.paper.experiments import (
     crops,
     size,
 )
-from benchmarks.paper.notes import ablations_note, cause_note, rate_note, refinement_note, search_note
+from benchmarks.paper.notes import ablations_note, cause_note, rate_note, refinement_note, search_note, shipped_note
 from benchmarks.paper.verdicts import NOT_RUN, claim_verdict, error_verdict, seed_spread, time_verdict
 
 
@@ -139,7 +139,10 @@ def _note(row: dict[str, Any]) -> str:
             return f"**stopped early: {row['samples_seen']} of {row['samples_planned']} crops**, {cost}"
         return f"{row['samples_seen']} crops, {cost}"
     data = row.get("trained_on")
-    return f"a recipe of its own, last on {data['name']}, {data['pairs']} pairs" if data else ""
+    if not data:
+        return ""
+    note = f"a recipe of its own, last on {data['name']}, {data['pairs']} pairs"
+    return note + ("; upsampled guided by the left view" if row.get("output_stride", 1) > 1 else "")
 
 
 def _methods(tables: list[dict[str, Any]], ablations: dict[str, Any], docs: Path) -> list[str]:
@@ -165,7 +168,8 @@ def _methods(tables: list[dict[str, Any]], ablations: dict[str, Any], docs: Path
     once = "Each network of these tables was trained once, with one seed."
     if spread is not None:
         once += f" Errors closer than {100 * spread:.1f} %, as those of two seeds in the ablations, are not told apart."
-    lines += ["", *_paragraph(cause_note(tables[0].get("methods", {}))), f"{once} {group.remark}", ""]
+    best = tables[0].get("methods", {})
+    lines += ["", *_paragraph(cause_note(best)), *_paragraph(shipped_note(best)), f"{once} {group.remark}", ""]
     return [*lines, *_picture(group.title, docs / "methods.png")]
 
 

@@ -6,7 +6,8 @@ import onnxruntime as ort
 import pytest
 import torch
 
-from endosdk.errors import InferenceFailed, StorageFailed
+from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.training.data import planar
 from endosdk.training.export import export_model
 from endosdk.training.networks import build_network
 from endosdk.training.parity import check_parity, parity_pairs
@@ -64,6 +65,27 @@ def test_torch_and_file_agree_at_three_sizes(model):
     assert report["largest_px"] <= 1e-3
     assert max(entry["confidence"] for entry in report["sizes"]) < 1e-3
     assert json.loads(json.dumps(report)) == report
+
+
+def test_a_file_may_answer_for_cells_of_several_pixels(exported, tmp_path):
+    network, whole, info = exported["wang2020"]
+    file = tmp_path / "cells.onnx"
+    export_model(network, file, info, answer_cell=4)
+    assert ort.InferenceSession(file).get_modelmeta().custom_metadata_map["endosdk.output_stride"] == "4"
+    left, right, _ = warped_pair(5, (96, 160))
+    assert check_parity(network, file, [(left, right)], answer_cell=4)["largest_px"] <= 1e-3
+    views = {"left": planar(left)[None].numpy(), "right": planar(right)[None].numpy()}
+    for fine, mean in zip(
+        ort.InferenceSession(whole).run(None, views), ort.InferenceSession(file).run(None, views), strict=True
+    ):
+        np.testing.assert_allclose(mean, fine.reshape(1, 1, 24, 4, 40, 4).mean(axis=(3, 5)), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("cell", [0, 3, 16])
+def test_cells_must_fill_the_input(exported, tmp_path, cell):
+    network, _, info = exported["wang2020"]
+    with pytest.raises(InvalidArgument, match=f"answer_cell: must divide 8, for wang2020; got {cell}"):
+        export_model(network, tmp_path / "cells.onnx", info, answer_cell=cell)
 
 
 def test_a_batch_is_answered_pair_by_pair(model):

@@ -25,6 +25,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write the form in 8-bit integers too, named for its file; ranges come from the data of the run",
     )
+    parser.add_argument(
+        "--answer-cell",
+        type=int,
+        default=1,
+        metavar="N",
+        help="give one answer for N x N of the network's, their mean; the SDK then draws edges by the left view"
+        " (default: %(default)s)",
+    )
     parser.add_argument("--weights", type=Path, metavar="FILE", help="write the weights too, to train on from there")
     parser.add_argument(
         "--triton", type=Path, metavar="DIR", help="add the model (that of --int8, if given) to a Triton repository"
@@ -62,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         data=args.data,
         layout=args.layout or "endosdk",
         int8=args.int8,
+        answer_cell=args.answer_cell,
     )
     if args.weights:
         checkpoint.save_weights(args.weights, trained)

@@ -133,15 +133,27 @@ class StereoNetwork(nn.Module, ABC):
 class Deployed(nn.Module):
     """The whole function of a model file: uint8 views in, disparity and confidence out."""
 
-    def __init__(self, network: StereoNetwork) -> None:
+    def __init__(self, network: StereoNetwork, answer_cell: int = 1) -> None:
+        """Deploy a network, with one answer for each ``answer_cell`` x ``answer_cell`` of its own: their mean.
+
+        Raises InvalidArgument where the sides of the input need not hold a whole number of such cells.
+        """
         super().__init__()
         self.network = network
+        self.answer_cell = answer_cell
+        self.output_stride = network.output_stride * answer_cell
+        if answer_cell < 1 or network.input_multiple % self.output_stride:
+            rule = f"must divide {network.input_multiple // network.output_stride}, for {network.name}"
+            raise InvalidArgument("answer_cell", rule, answer_cell)
 
     def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
         """Map uint8 [N, 3, H, W] to disparity and confidence, float32 [N, 1, H/s, W/s]."""
         views = (left, right) if self.network.reads_bytes else (left.to(torch.float32), right.to(torch.float32))
         prediction = self.network(*views)
-        return prediction.disparities[-1], self.network.trust(prediction)
+        return self._in_cells(prediction.disparities[-1]), self._in_cells(self.network.trust(prediction))
+
+    def _in_cells(self, values: Tensor) -> Tensor:
+        return values if self.answer_cell == 1 else F.avg_pool2d(values, self.answer_cell)
 
 
 def check_max_disparity(value: int, cell: int) -> int:
