@@ -161,11 +161,15 @@ def measure_variant(
     }
 
 
-def measure_torch(name: str, device: Device, size: tuple[int, int], frames: int, compiled: bool) -> dict[str, Any]:
-    """Time the network in torch; its weights do not matter for the time."""
+def measure_torch(
+    metadata: dict[str, str], device: Device, size: tuple[int, int], frames: int, compiled: bool
+) -> dict[str, Any]:
+    """Time the network of a file with this metadata in torch; its weights do not matter for the time."""
     width, height = size
     place = "cuda" if device.provider == "cuda" else "cpu"
-    network = Deployed(build_network(name).export_form()).eval().to(place)
+    built = build_network(metadata["endosdk.name"].removesuffix("-fp32"))
+    cell = int(metadata["endosdk.output_stride"]) // built.output_stride
+    network = Deployed(built.export_form(), cell).eval().to(place)
     views = [torch.zeros(1, 3, height, width, dtype=torch.uint8, device=place) for _ in range(2)]
     call = torch.compile(network, mode="max-autotune") if compiled else network
 
@@ -205,12 +209,12 @@ def measure_model(name: str, device: Device, size: tuple[int, int], frames: int,
             timed = found.get("on_device_ms", {})
             print(name, precision, options, timed or found["failed"], file=sys.stderr, flush=True)
     # The runtime may have no kernel for half precision of a layer; torch then stays the only fp16 line.
-    network = reference.get_modelmeta().custom_metadata_map["endosdk.name"].removesuffix("-fp32")
+    metadata = reference.get_modelmeta().custom_metadata_map
     return {
         "gmacs": cost.macs / 1e9,
         "conv_megabytes_fp32": cost.conv_bytes / 1e6,
         "variants": results,
-        "torch": measure_torch(network, device, size, frames, compiled),
+        "torch": measure_torch(metadata, device, size, frames, compiled),
     }
 
 

@@ -61,7 +61,7 @@ def test_cost_counts_the_paper_s_layers(model):
 
 def test_a_variant_that_is_wrong_is_not_timed(model):
     feed = gpu.pair_of(*SIZE)
-    wrong = [np.full((1, 1, SIZE[1], SIZE[0]), 50, np.float32)] * 2
+    wrong = [np.full((1, 1, SIZE[1] // 4, SIZE[0] // 4), 50, np.float32)] * 2  # an answer for 4 x 4 pixels
     found = gpu.measure_variant(model, PROCESSOR, {}, feed, wrong, 2)
     assert "too far" in found["failed"]
     assert "on_device_ms" not in found
