@@ -14,6 +14,17 @@ ROOT = Path(__file__).resolve().parents[1]
 TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
 
 
+@pytest.fixture
+def restored_settings():
+    """Whatever a test sets in the compiled core, the next one finds it as it was."""
+    from endosdk import _core
+
+    isa, threads = _core.isa(), _core.threads()
+    yield
+    _core.set_isa(isa)
+    _core.set_threads(threads)
+
+
 def textured_picture(height: int, width: int, seed: int = 0) -> np.ndarray:
     """A smooth tissue-like RGB picture uint8 [H, W, 3]: blotches over fine grain, nothing periodic, no hard noise."""
     import cv2

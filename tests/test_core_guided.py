@@ -9,13 +9,7 @@ from endosdk import _core
 from tests import reference
 from tests.core_rigs import every_isa
 
-
-@pytest.fixture(autouse=True)
-def restore_settings():
-    isa, threads = _core.isa(), _core.threads()
-    yield
-    _core.set_isa(isa)
-    _core.set_threads(threads)
+pytestmark = pytest.mark.usefixtures("restored_settings")
 
 
 def scene(height: int, width: int, factor: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

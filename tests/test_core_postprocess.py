@@ -11,15 +11,9 @@ from endosdk import _core
 from tests import reference
 from tests.core_rigs import every_isa
 
+pytestmark = pytest.mark.usefixtures("restored_settings")
+
 FOCAL, BASELINE = 640.0, 4.2
-
-
-@pytest.fixture(autouse=True)
-def restore_settings():
-    isa, threads = _core.isa(), _core.threads()
-    yield
-    _core.set_isa(isa)
-    _core.set_threads(threads)
 
 
 @dataclass

@@ -11,15 +11,9 @@ from tests import reference
 from tests.conftest import textured_picture
 from tests.core_rigs import Rig, every_isa, random_rig
 
+pytestmark = pytest.mark.usefixtures("restored_settings")
+
 ORDERS = ("rgb", "bgr", "gray")
-
-
-@pytest.fixture(autouse=True)
-def restore_settings():
-    isa, threads = _core.isa(), _core.threads()
-    yield
-    _core.set_isa(isa)
-    _core.set_threads(threads)
 
 
 def pictures(width: int, height: int, order: str, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

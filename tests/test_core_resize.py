@@ -10,6 +10,8 @@ from endosdk import _core
 from tests import reference
 from tests.core_rigs import every_isa
 
+pytestmark = pytest.mark.usefixtures("restored_settings")
+
 SIZES = [  # source height and width, full output height and width
     ((90, 120), (720, 960)),
     ((45, 60), (360, 480)),
@@ -21,14 +23,6 @@ SIZES = [  # source height and width, full output height and width
     ((2, 3), (17, 40)),
     ((7, 5), (1, 1)),
 ]
-
-
-@pytest.fixture(autouse=True)
-def restore_settings():
-    isa, threads = _core.isa(), _core.threads()
-    yield
-    _core.set_isa(isa)
-    _core.set_threads(threads)
 
 
 def random_map(height: int, width: int, seed: int = 0) -> np.ndarray:

@@ -17,15 +17,9 @@ import endosdk
 from endosdk import _core
 from tests.core_rigs import ISAS
 
+pytestmark = pytest.mark.usefixtures("restored_settings")
+
 STUB = Path(endosdk.__file__).parent / "_core.pyi"
-
-
-@pytest.fixture(autouse=True)
-def restore_settings():
-    isa, threads = _core.isa(), _core.threads()
-    yield
-    _core.set_isa(isa)
-    _core.set_threads(threads)
 
 
 def enlarge(source: np.ndarray) -> np.ndarray:
