@@ -2,8 +2,8 @@
 
     python -m benchmarks.upsampling --data DIR --pairs 100 --json benchmarks/results/upsampling.json
 
-The network runs once for each pair. Where its answer is as large as its input there is nothing to upsample, and both
-errors are the same.
+The network runs twice for each pair, inside the SDK and by itself on the same pictures. Where its answer is as large as
+its input there is nothing to upsample, and both errors are the same.
 """
 
 from __future__ import annotations

@@ -168,8 +168,8 @@ def _methods(tables: list[dict[str, Any]], ablations: dict[str, Any], docs: Path
     once = "Each network of these tables was trained once, with one seed."
     if spread is not None:
         once += f" Errors closer than {100 * spread:.1f} %, as those of two seeds in the ablations, are not told apart."
-    best = tables[0].get("methods", {})
-    lines += ["", *_paragraph(cause_note(best)), *_paragraph(shipped_note(best)), f"{once} {group.remark}", ""]
+    whole = tables[0].get("methods", {})
+    lines += ["", *_paragraph(cause_note(whole)), *_paragraph(shipped_note(whole)), f"{once} {group.remark}", ""]
     return [*lines, *_picture(group.title, docs / "methods.png")]
 
 
