@@ -51,6 +51,17 @@ def calibrate_confidence(network: StereoNetwork, reader: DatasetReader, indices:
 
     Pixels that only one camera sees count too: doubt there is what the confidence is for.
     """
+    if not indices:
+        raise InvalidArgument("held_out", "must leave at least one pair to fit the confidence on", 0)
+    # Twice: where the answer is upsampled by its confidence, the errors depend a little on the fit.
+    for _ in range(2):
+        network.confidence.weights.copy_(fit_laplace(*_evidence_and_error(network, reader, indices, seed)))
+
+
+def _evidence_and_error(
+    network: StereoNetwork, reader: DatasetReader, indices: list[int], seed: int
+) -> tuple[Tensor, Tensor]:
+    """Draw pixels with truth: what the network knew [M, K], and its error [M], px that it saw."""
     rng = np.random.default_rng(seed)
     evidence, error = [], []
     for frame in predict_frames(network, reader, indices, title="confidence"):
@@ -60,6 +71,4 @@ def calibrate_confidence(network: StereoNetwork, reader: DatasetReader, indices:
         evidence.append(frame.evidence.flatten(1)[:, chosen].T)
         # In pixels that the network saw: what the confidence promises is an error on its own grid.
         error.append(torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen] / frame.reduction))
-    if not evidence:
-        raise InvalidArgument("held_out", "must leave at least one pair to fit the confidence on", 0)
-    network.confidence.weights.copy_(fit_laplace(torch.cat(evidence), torch.cat(error)))
+    return torch.cat(evidence), torch.cat(error)

@@ -19,6 +19,7 @@ from endosdk.scores import ScoreBoard
 from endosdk.training.data import planar
 from endosdk.training.frame_size import reduced_view, reduction
 from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.upsampling import on_input_grid, to_input_grid
 
 
 class Frame(NamedTuple):
@@ -36,13 +37,6 @@ def pad_to_multiple(image: Tensor, multiple: int) -> Tensor:
     return F.pad(image, (0, -width % multiple, 0, -height % multiple), mode="replicate")
 
 
-def to_input_grid(values: Tensor, stride: int) -> Tensor:
-    """Bring a map [N, C, h, w] of a network with this output stride to the size of its input."""
-    if stride == 1:
-        return values
-    return F.interpolate(values, scale_factor=float(stride), mode="bilinear", align_corners=False)
-
-
 @torch.inference_mode()
 def predict_frames(
     network: StereoNetwork, reader: DatasetReader, indices: Sequence[int], *, refined: bool = True, title: str = ""
@@ -58,11 +52,12 @@ def predict_frames(
             for view in (sample.left, sample.right)
         )
         prediction = network(left, right, refined=refined)
-        *maps, evidence = (
-            _to_frame(values, network.output_stride * factor, sample)
-            for values in (*prediction.disparities, network.on_answer_grid(prediction.evidence))
-        )
-        yield Frame(sample, [factor * found[0].numpy() for found in maps], evidence, factor)
+        maps = [
+            factor * _to_frame(found, factor, sample)[0].numpy()
+            for found in on_input_grid(network, prediction, left, refined=refined)
+        ]
+        evidence = _to_frame(network.on_answer_grid(prediction.evidence), network.output_stride * factor, sample)
+        yield Frame(sample, maps, evidence, factor)
 
 
 def _to_frame(values: Tensor, stride: int, sample: Sample) -> Tensor:

@@ -29,11 +29,12 @@ from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
 from endosdk.training.data import Crops, has_truth
-from endosdk.training.evaluate import mean_errors, to_input_grid
+from endosdk.training.evaluate import mean_errors
 from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Prediction, Window
+from endosdk.training.upsampling import on_input_grid
 
 LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined")
 
@@ -164,7 +165,8 @@ class Run:
         self.optimiser.zero_grad(set_to_none=True)
         with self._autocast():
             prediction: Prediction = model(left, right, refined=refined, window=window)
-        report = self._losses(prediction, truth, window, refined)
+        maps = on_input_grid(self.network, prediction, left if window is None else window.of(left), refined=refined)
+        report = self._losses(maps, truth, window, refined)
         report["loss"].backward()  # type: ignore[no-untyped-call]
         if self.config.clip > 0:
             nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
@@ -172,10 +174,8 @@ class Run:
         report["rate"] = torch.tensor(rate)
         return report
 
-    def _losses(self, prediction: Prediction, truth: Tensor, window: Window | None, refined: bool) -> dict[str, Tensor]:
-        """Return the weighted loss and the error of each map of this batch."""
-        stride = self.network.output_stride
-        maps = [to_input_grid(found.float(), stride) for found in prediction.disparities]
+    def _losses(self, maps: list[Tensor], truth: Tensor, window: Window | None, refined: bool) -> dict[str, Tensor]:
+        """Return the weighted loss and the error of each map, on the grid of the views, of this batch."""
         truths = [truth] if window is None else [truth, window.of(truth)]
         # Networks with stages of their own say how much each counts.
         stages = getattr(self.network, "stage_weights", (self.config.coarse_weight, 1.0))
