@@ -47,7 +47,7 @@ def test_wang2020_has_the_layers_of_the_paper():
 
 
 def test_fast_is_small():
-    assert 0.05e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.15e6
+    assert 0.05e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.2e6
 
 
 @pytest.mark.parametrize("name", OURS)

@@ -15,9 +15,9 @@ __all__ = ["NETWORKS", "StereoNetwork", "build_network"]
 # The variants of fast are for the front of latency and error; none that is shipped has been trained from them.
 NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
     "fast": Fast,
-    "fast-small": partial(Fast, shape=Shape(blocks=1, layers=1, refine_layers=1)),
-    "fast-deep": partial(Fast, shape=Shape(layers=4)),
-    "fast-wide": partial(Fast, shape=Shape(stem=48, volume=32, refine=48)),
+    "fast-small": partial(Fast, shape=Shape(blocks=1, layers=1, refine_layers=1, wide_layers=0)),
+    "fast-deep": partial(Fast, shape=Shape(layers=4, wide_layers=0)),
+    "fast-wide": partial(Fast, shape=Shape(stem=48, volume=32, refine=48, wide_layers=0)),
     "wang2020": Wang2020,
 }
 

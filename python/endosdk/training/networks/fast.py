@@ -50,6 +50,7 @@ class Shape:
     layers: int = 2  # convolutions over the volume
     refine: int = 32  # channels of the refinement
     refine_layers: int = 6  # between its first and last convolution
+    wide_layers: int = 3  # after them, twice as far apart
 
 
 class Fast(StereoNetwork):
@@ -76,7 +77,7 @@ class Fast(StereoNetwork):
         self.volume = DifferenceVolume(shape.stem, shape.volume, self.max_disparity // CELL)
         self.aggregation = PlaneLayers(shape.volume, shape.layers)
         self.refinement = Refinement(shape)
-        reach = CELL * (1 + 2 * shape.refine_layers + 1)
+        reach = CELL * (1 + 2 * shape.refine_layers + 4 * shape.wide_layers + 1)
         self.refine_margin = -(-reach // self.input_multiple) * self.input_multiple
         self.confidence = ConfidenceHead(channels=5)
 
@@ -188,8 +189,9 @@ class Refinement(nn.Module):
         self.view = ConvNorm(shape.stem, shape.refine, slope=ROUGH_SLOPE)
         # Apart from the view, because the two differ in range: together they would share one 8-bit scale.
         self.hints = nn.Conv2d(HINTS, shape.refine, 3, padding=1, bias=False)
+        dilations = [2] * shape.refine_layers + [4] * shape.wide_layers
         self.layers = nn.Sequential(
-            *(ConvNorm(shape.refine, shape.refine, dilation=2, slope=ROUGH_SLOPE) for _ in range(shape.refine_layers))
+            *(ConvNorm(shape.refine, shape.refine, dilation=d, slope=ROUGH_SLOPE) for d in dilations)
         )
         self.last = nn.Conv2d(shape.refine, 2 * FINE**2, 3, padding=1)
         # It starts by believing the pictures and adding nothing, so that it cannot spoil a map that is already good.
