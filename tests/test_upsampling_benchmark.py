@@ -4,6 +4,7 @@ import pytest
 
 from benchmarks.upsampling import measure
 from endosdk.dataset_layouts import open_dataset
+from tests.training.exported_networks import export_into
 from tests.training.warped_set import write_warped_set
 
 
@@ -21,6 +22,7 @@ def test_guided_edges_are_nearer_to_the_truth(layers):
     assert found["guided"]["epe_px"] < found["bilinear"]["epe_px"]
 
 
-def test_an_answer_as_large_as_the_input_is_left_alone(layers):
-    found = measure("wang2020-192", layers, 1)
+def test_an_answer_as_large_as_the_input_is_left_alone(layers, tmp_path):
+    path = export_into(tmp_path, "wang2020").path  # every shipped model answers for cells of more than one pixel
+    found = measure(str(path), layers, 1)
     assert found["guided"] == pytest.approx(found["bilinear"], rel=1e-5)
