@@ -32,11 +32,12 @@ def on_input_grid(
     An answer smaller than the view is upsampled guided by it, coarser maps bilinearly: they are never shown.
     """
     stride = network.output_stride
-    maps = [to_input_grid(found.float(), stride) for found in prediction.disparities]
-    if refined and stride > 1:
-        log_scale = network.on_answer_grid(network.confidence.log_scale(prediction.evidence.float()))
-        maps[-1] = guided_upsampling(prediction.disparities[-1].float(), log_scale, left)
-    return maps
+    maps = [found.float() for found in prediction.disparities]
+    if stride == 1 or not refined:
+        return [to_input_grid(found, stride) for found in maps]
+    log_scale = network.on_answer_grid(network.confidence.log_scale(prediction.evidence.float()))
+    guided = guided_upsampling(maps[-1], log_scale, left)
+    return [*(to_input_grid(found, stride) for found in maps[:-1]), guided]
 
 
 def guided_upsampling(disparity: Tensor, log_scale: Tensor, view: Tensor) -> Tensor:
