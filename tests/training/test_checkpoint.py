@@ -10,8 +10,9 @@ from endosdk.dataset import DatasetReader
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.models import shipped_models
 from endosdk.training import checkpoint
-from endosdk.training.config import TrainConfig
+from endosdk.training.config import CHOICES, TrainConfig
 from endosdk.training.networks import build_network
+from endosdk.training.optimisers import build_optimiser
 from endosdk.training.parity import check_parity, parity_pairs
 
 PATH_TRACED = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
@@ -20,24 +21,24 @@ CONFIG = TrainConfig(network="fast", max_disparity=32, crop=(64, 128), refine_cr
 STATE = {"seconds": 1.5, "history": [], "dataset": {"name": "x"}, "init": None}
 
 
-def stepped(optimiser_class):
+def stepped(optimiser_name):
     torch.manual_seed(0)
     network = build_network("fast", 32)
-    optimiser = optimiser_class(network.parameters(), lr=1e-3)
+    optimiser = build_optimiser(network, TrainConfig(optimiser=optimiser_name, rate=1e-3))
     network(*torch.rand(2, 1, 3, 64, 64) * 255).disparities[0].sum().backward()
     optimiser.step()
     return network, optimiser
 
 
-@pytest.mark.parametrize("optimiser_class", [torch.optim.RMSprop, torch.optim.AdamW])
-def test_everything_comes_back(tmp_path, optimiser_class):
-    network, optimiser = stepped(optimiser_class)
+@pytest.mark.parametrize("optimiser_name", CHOICES["optimiser"])
+def test_everything_comes_back(tmp_path, optimiser_name):
+    network, optimiser = stepped(optimiser_name)
     checkpoint.save(tmp_path / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
     loaded = checkpoint.load(tmp_path)
     assert (loaded.config, loaded.step, loaded.state) == (CONFIG, 7, STATE)
     for name, value in loaded.build().state_dict().items():
         assert torch.equal(value, network.state_dict()[name])
-    fresh = optimiser_class(network.parameters(), lr=5e-4)
+    fresh = build_optimiser(network, TrainConfig(optimiser=optimiser_name, rate=5e-4))
     checkpoint.restore_optimiser(fresh, loaded.optimiser)
     assert fresh.param_groups[0]["lr"] == 5e-4
     for index, entries in optimiser.state_dict()["state"].items():
@@ -46,7 +47,7 @@ def test_everything_comes_back(tmp_path, optimiser_class):
 
 
 def test_the_file_is_plain_safetensors_with_json(tmp_path):
-    network, optimiser = stepped(torch.optim.RMSprop)
+    network, optimiser = stepped("rmsprop")
     checkpoint.save(tmp_path / "a.safetensors", CONFIG, 7, STATE, network, optimiser)
     with safe_open(tmp_path / "a.safetensors", framework="numpy") as archive:
         assert json.loads(archive.metadata()["config"])["network"] == "fast"
@@ -55,7 +56,7 @@ def test_the_file_is_plain_safetensors_with_json(tmp_path):
 
 
 def test_a_failed_write_leaves_the_old_checkpoint(tmp_path):
-    network, optimiser = stepped(torch.optim.RMSprop)
+    network, optimiser = stepped("rmsprop")
     path = tmp_path / checkpoint.LAST
     checkpoint.save(path, CONFIG, 7, STATE, network, optimiser)
     before = path.read_bytes()
@@ -66,7 +67,7 @@ def test_a_failed_write_leaves_the_old_checkpoint(tmp_path):
 
 
 def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path):
-    network, optimiser = stepped(torch.optim.AdamW)
+    network, optimiser = stepped("adamw")
     checkpoint.save(tmp_path / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
     checkpoint.save_weights(tmp_path / "kept.safetensors", checkpoint.load(tmp_path))
     kept = checkpoint.load(tmp_path / "kept.safetensors")
@@ -89,7 +90,7 @@ def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InvalidArgument, match="readable"):
         checkpoint.load(Path("fast"))  # nothing there: not the shipped weights instead
-    network, optimiser = stepped(torch.optim.AdamW)
+    network, optimiser = stepped("adamw")
     Path("fast").mkdir()
     checkpoint.save(Path("fast") / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
     assert checkpoint.load(Path("fast")).step == checkpoint.load(checkpoint.starting_point("./fast")).step == 7
@@ -99,7 +100,7 @@ def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkey
 
 
 def test_broken_and_foreign_files_are_named(tmp_path):
-    network, optimiser = stepped(torch.optim.RMSprop)
+    network, optimiser = stepped("rmsprop")
     path = tmp_path / "a.safetensors"
     checkpoint.save(path, CONFIG, 7, STATE, network, optimiser)
     path.write_bytes(path.read_bytes()[:1000])
@@ -153,7 +154,7 @@ def test_unknown_settings_are_refused():
 
 
 def test_weights_of_another_shape_are_named(tmp_path):
-    network, optimiser = stepped(torch.optim.RMSprop)
+    network, optimiser = stepped("rmsprop")
     checkpoint.save(tmp_path / checkpoint.LAST, replace(CONFIG, network="fast-wide"), 7, STATE, network, optimiser)
     with pytest.raises(InvalidArgument, match=r"checkpoint: must hold the weights of fast-wide .* such as "):
         checkpoint.load(tmp_path).build()

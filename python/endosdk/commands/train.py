@@ -19,7 +19,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),
     "steps": (int, "steps in all"),
-    "optimiser": (str, "rmsprop or adamw"),
+    "optimiser": (str, "rmsprop, adamw or muon"),
     "rate": (float, "learning rate at the start"),
     "final_rate": (float, "learning rate at the end"),
     "refine_from_step": (int, "train the coarse stage alone until this step"),

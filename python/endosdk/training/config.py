@@ -9,7 +9,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.training.loss import build_loss
 
 CHOICES = {
-    "optimiser": ("rmsprop", "adamw"),
+    "optimiser": ("rmsprop", "adamw", "muon"),
     "precision": ("auto", "fp32", "bf16"),
     "device": ("auto", "cpu", "cuda"),
 }
@@ -64,11 +64,11 @@ class TrainConfig:
 
     # schedule
     steps: int = 4000
-    optimiser: str = "rmsprop"  # the paper's; adamw is the other
+    optimiser: str = "rmsprop"  # the paper's; adamw and muon are the others
     rate: float = 1e-3
     final_rate: float = 3e-5  # the rate falls exponentially from rate to this over the run
     warmup: int = 50  # steps in which the rate rises from zero
-    weight_decay: float = 1e-4  # adamw alone
+    weight_decay: float = 1e-4  # adamw and muon
     clip: float = 1.0  # largest norm of the gradient; 0: no limit
     refine_from_step: int = 0  # until then only the coarse stage is computed, at a sixth of the cost
     refine_crop: tuple[int, int] | None = None  # the refinement sees a random window of this size; None: the whole crop

@@ -34,6 +34,7 @@ from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Prediction, Window
+from endosdk.training.optimisers import build_optimiser
 from endosdk.training.upsampling import on_input_grid
 
 LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined")
@@ -89,7 +90,7 @@ class Run:
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
         saved = self._restore(resume)
         channels_last(self.network.to(self.device))
-        self.optimiser = _optimiser(self.network, config)
+        self.optimiser = build_optimiser(self.network, config)
         if saved is not None and resume:
             checkpoint.restore_optimiser(self.optimiser, saved.optimiser)
         if rank == 0:
@@ -295,12 +296,6 @@ def _device(name: str) -> torch.device:
     if not torch.cuda.is_available():
         raise ProviderUnavailable("device", "must be there, and torch finds no card", name)
     return torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
-
-
-def _optimiser(network: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:
-    if config.optimiser == "rmsprop":
-        return torch.optim.RMSprop(network.parameters(), lr=config.rate)
-    return torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.weight_decay)
 
 
 def channels_last(network: nn.Module) -> None:
