@@ -168,8 +168,8 @@ def measure_torch(
     width, height = size
     place = "cuda" if device.provider == "cuda" else "cpu"
     built = build_network(metadata["endosdk.name"].removesuffix("-fp32"))
-    cell = int(metadata["endosdk.output_stride"]) // built.output_stride
-    network = Deployed(built.export_form(), cell).eval().to(place)
+    built.answer_in_cells(int(metadata["endosdk.output_stride"]) // built.output_stride)
+    network = Deployed(built.export_form()).eval().to(place)
     views = [torch.zeros(1, 3, height, width, dtype=torch.uint8, device=place) for _ in range(2)]
     call = torch.compile(network, mode="max-autotune") if compiled else network
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from endosdk.training.networks import build_network
-from endosdk.training.networks.base import Prediction
+from endosdk.training.networks.base import Deployed, Prediction
 from endosdk.training.upsampling import guided_upsampling, on_input_grid
 from tests.test_core_guided import scene, upsampled
 
@@ -58,6 +58,20 @@ def test_only_the_refined_map_of_a_smaller_grid_is_guided() -> None:
     torch.testing.assert_close(coarse, alone)
     bilinear = torch.nn.functional.interpolate(prediction.disparities[-1], scale_factor=2.0, mode="bilinear")
     assert not torch.allclose(refined, bilinear)
+
+
+def test_a_network_trained_for_cells_is_seen_as_it_is_deployed() -> None:
+    torch.manual_seed(0)
+    network = build_network("wang2020", 48).eval()
+    torch.nn.init.normal_(network.refinement[-1].weight, std=0.3)
+    network.answer_in_cells(4)
+    left, right = torch.randint(0, 256, (2, 1, 3, 64, 96), dtype=torch.uint8)
+    with torch.inference_mode():
+        cells, confidence = Deployed(network)(left, right)
+        coarse, seen = on_input_grid(network, network(left.float(), right.float()), left.float())
+    assert cells.shape == (1, 1, 16, 24) and coarse.shape == (1, 1, 64, 96)
+    view = np.ascontiguousarray(left[0].numpy())
+    np.testing.assert_allclose(seen[0, 0], upsampled(cells[0, 0].numpy(), confidence[0, 0].numpy(), view), rtol=2e-5)
 
 
 def test_a_network_of_full_size_is_left_as_it_is() -> None:

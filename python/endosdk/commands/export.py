@@ -28,10 +28,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--answer-cell",
         type=int,
-        default=1,
         metavar="N",
         help="give one answer for N x N of the network's, their mean; the SDK then draws edges by the left view"
-        " (default: %(default)s)",
+        " (default: as it was trained)",
     )
     parser.add_argument("--weights", type=Path, metavar="FILE", help="write the weights too, to train on from there")
     parser.add_argument(

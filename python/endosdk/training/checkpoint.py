@@ -35,6 +35,7 @@ class Checkpoint:
     def build(self) -> StereoNetwork:
         """Build the network that was saved, in evaluation mode."""
         network = build_network(self.config.network, self.config.max_disparity)
+        network.answer_in_cells(self.config.answer_cell)
         self.load_into(network)
         return network.eval()
 

@@ -30,6 +30,7 @@ RANGES = {
     "weight_decay": (0, LARGEST),
     "clip": (0, LARGEST),
     "refine_from_step": (0, LARGEST),
+    "answer_cell": (1, 8),
     "log_every": (1, LARGEST),
     "validate_every": (1, LARGEST),
     "checkpoint_minutes": (0, LARGEST),
@@ -61,6 +62,8 @@ class TrainConfig:
     loss: str = "scale-invariant"
     balance: float = 0.5  # of the scale-invariant loss: 0 squares in log space, 1 ignores a common factor
     coarse_weight: float = 0.5  # of the coarse map's loss once the refined map is trained too
+    # The last map is taken as it is deployed: the mean over so many answers along both axes, upsampled guided.
+    answer_cell: int = 1
 
     # schedule
     steps: int = 4000

@@ -34,20 +34,17 @@ class ModelInfo:
     training: dict[str, Any] = field(default_factory=dict)  # data ids and hashes, commit, recipe, test metrics
 
 
-def export_model(
-    network: StereoNetwork, path: Path, info: ModelInfo, *, size_step: int = 1, answer_cell: int = 1
-) -> None:
+def export_model(network: StereoNetwork, path: Path, info: ModelInfo, *, size_step: int = 1) -> None:
     """Write the network as one self-describing ONNX file, atomically.
 
     The same network gives the same bytes. Height and width stay free (multiples of ``input_multiple``), and so does
     the batch. ``size_step`` tells the exporter that both are multiples of it: it cannot follow a network that halves
     its input several times and joins the maps again otherwise; for other networks it only makes the trace slower.
-    With an ``answer_cell`` above 1 the file gives the mean of so many answers along both axes: see `Deployed`.
     """
-    deployed = Deployed(network.export_form(), answer_cell).eval()
+    deployed = Deployed(network.export_form()).eval()
     model = _to_onnx(deployed, size_step)
     _strip(model)
-    _name_sizes(model, deployed.output_stride)
+    _name_sizes(model, deployed.network.deployed_stride)
     onnx.helper.set_model_props(model, _metadata(deployed, info))
     onnx.checker.check_model(model, full_check=True)
     write_model(model, path)
@@ -123,7 +120,7 @@ def _metadata(deployed: Deployed, info: ModelInfo) -> dict[str, str]:
         "name": info.name,
         "version": info.version,
         "input_multiple": str(network.input_multiple),
-        "output_stride": str(deployed.output_stride),
+        "output_stride": str(network.deployed_stride),
         "max_disparity": str(network.max_disparity),
         "channel_order": "rgb",
         "license": info.license,

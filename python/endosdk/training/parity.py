@@ -22,16 +22,13 @@ LARGEST_DIFFERENCE_PX = 1e-3
 View = NDArray[np.uint8]
 
 
-def check_parity(
-    network: StereoNetwork, path: Path, pairs: Sequence[tuple[View, View]], *, answer_cell: int = 1
-) -> dict[str, Any]:
+def check_parity(network: StereoNetwork, path: Path, pairs: Sequence[tuple[View, View]]) -> dict[str, Any]:
     """Compare torch with the file on pairs [H, W, 3] of any size, padded and cropped as the runtime does.
 
-    ``answer_cell`` is what the file was exported with.
     Returns the largest differences per pair. Raises InferenceFailed when a disparity differs by more than 1e-3 px.
     """
     session = ort.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
-    deployed = Deployed(network, answer_cell).eval()
+    deployed = Deployed(network).eval()
     report = []
     for left, right in pairs:
         height, width = left.shape[:2]
@@ -40,7 +37,7 @@ def check_parity(
             expected = deployed(*inputs)
         found = session.run(["disparity", "confidence"], {"left": inputs[0].numpy(), "right": inputs[1].numpy()})
         cropped = [
-            to_input_grid(values, deployed.output_stride)[..., :height, :width]
+            to_input_grid(values, network.deployed_stride)[..., :height, :width]
             for values in (*expected, *(torch.from_numpy(array) for array in found))
         ]
         differences = [float((cropped[i + 2] - cropped[i]).abs().max()) for i in (0, 1)]

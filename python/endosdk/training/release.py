@@ -22,7 +22,7 @@ RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.
 RECIPE = (
     "train_pairs held_out loss balance coarse_weight optimiser rate final_rate steps batch crop refine_from_step "
-    "refine_crop augment seed"
+    "refine_crop answer_cell augment seed"
 ).split()
 
 
@@ -35,20 +35,22 @@ def release(
     data: Path | None = None,
     layout: str = "endosdk",
     int8: Path | None = None,
-    answer_cell: int = 1,
+    answer_cell: int | None = None,
 ) -> dict[str, Any]:
     """Write the model file and return its scores on the test split and the parity with torch.
 
     ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on.
     With ``int8`` the 8-bit form is written there, named for its file; ranges are measured on pairs that the run was
     trained on. Weights that were kept without their run do not say where its data lies: they need ``data``, and have
-    no 8-bit form. ``answer_cell`` is that of `export_model`; scores are of the network's own answers. Raises
-    InvalidArgument for these, and for a test split without pairs.
+    no 8-bit form. The file answers for cells of ``answer_cell`` answers of the network, by default those that it was
+    trained for. Raises InvalidArgument for these, and for a test split without pairs.
     """
     reader = _test_split(trained, data, layout)
     ranges = None if int8 is None else _range_pairs(trained)  # before the scoring, which takes minutes
     keep_freed_memory()  # the frames of the test split go through torch on the CPU
     network = trained.build()
+    if answer_cell is not None:
+        network.answer_in_cells(answer_cell)
     scores = full_scores(network, reader)
     machine = machine_record()
     training = {
@@ -60,9 +62,9 @@ def release(
         "init": trained.state["init"],
     }
     info = ModelInfo(name=name or trained.config.network, version=version, training=training)
-    export_model(network, path, info, answer_cell=answer_cell)
+    export_model(network, path, info)
     sample = reader[0]
-    parity = check_parity(network, path, parity_pairs(sample.left, sample.right), answer_cell=answer_cell)
+    parity = check_parity(network, path, parity_pairs(sample.left, sample.right))
     report = {"model": info.name, "version": version, "training": training, "parity": parity, "machine": machine}
     if int8 is not None and ranges is not None:
         quantize_model(path, int8, *ranges)

@@ -68,6 +68,7 @@ class Run:
         # Before the data, which takes its time to open: a wrong name or range is told at once.
         torch.manual_seed(config.seed)
         self.network = build_network(config.network, config.max_disparity)
+        self.network.answer_in_cells(config.answer_cell)
         self.crop = config.crop or self.network.usual_crop
         # The checkpoint says what was done, whatever may be usual one day.
         self.config = replace(config, crop=self.crop)

@@ -29,15 +29,23 @@ def on_input_grid(
 ) -> list[Tensor]:
     """Bring the maps of a prediction to the grid of the left view [N, 3, H, W], 0..255, that the last one covers.
 
-    An answer smaller than the view is upsampled guided by it, coarser maps bilinearly: they are never shown.
+    The last map is taken in the cells of the deployed form; where those are larger than pixels it is upsampled guided
+    by the view. Coarser maps are upsampled bilinearly: they are never shown.
     """
     stride = network.output_stride
     maps = [found.float() for found in prediction.disparities]
-    if stride == 1 or not refined:
+    if network.deployed_stride == 1 or not refined:
         return [to_input_grid(found, stride) for found in maps]
-    log_scale = network.on_answer_grid(network.confidence.log_scale(prediction.evidence.float()))
-    guided = guided_upsampling(maps[-1], log_scale, left)
+    with torch.no_grad():
+        known = prediction._replace(evidence=prediction.evidence.float())
+        log_scale = _scale_of(network.in_cells(network.trust(known)))
+    guided = guided_upsampling(network.in_cells(maps[-1]), log_scale, left)
     return [*(to_input_grid(found, stride) for found in maps[:-1]), guided]
+
+
+def _scale_of(trust: Tensor) -> Tensor:
+    """Return the logarithm of the scale, px, of the Laplace law that gives the probability to be right to one pixel."""
+    return -torch.log(-torch.log1p(-trust))
 
 
 def guided_upsampling(disparity: Tensor, log_scale: Tensor, view: Tensor) -> Tensor:

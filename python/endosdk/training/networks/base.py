@@ -65,7 +65,8 @@ class StereoNetwork(nn.Module, ABC):
     max_disparity: int
     input_multiple: int
     coarse_stride: int  # input pixels per cell of the grid on which the refinement works
-    output_stride: int  # input pixels per cell of the answer
+    output_stride: int  # input pixels per cell of the network's own answer
+    answer_cell: int = 1  # answers, along both axes, of which the deployed form gives the mean
     refine_margin: int  # how far the refinement looks, in input pixels, up to a multiple of ``input_multiple``
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
     plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
@@ -78,6 +79,25 @@ class StereoNetwork(nn.Module, ABC):
     def last_plane(self) -> int | None:
         """The largest disparity there is a plane for, input px: answers for nearer surfaces pile up there."""
         return None if self.plane_step is None else self.max_disparity - self.plane_step
+
+    @property
+    def deployed_stride(self) -> int:
+        """Input pixels per cell of what the deployed form answers."""
+        return self.output_stride * self.answer_cell
+
+    def answer_in_cells(self, cell: int) -> None:
+        """Let the deployed form give one answer for each ``cell`` x ``cell`` of the network's: their mean.
+
+        Raises InvalidArgument where the sides of the input need not hold a whole number of such cells.
+        """
+        most = self.input_multiple // self.output_stride
+        if cell < 1 or most % cell:
+            raise InvalidArgument("answer_cell", f"must divide {most}, for {self.name}", cell)
+        self.answer_cell = cell
+
+    def in_cells(self, values: Tensor) -> Tensor:
+        """Bring a map [N, C, H/s, W/s] of the network's answers to the cells that the deployed form answers for."""
+        return values if self.answer_cell == 1 else F.avg_pool2d(values, self.answer_cell)
 
     @abstractmethod
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
@@ -133,27 +153,16 @@ class StereoNetwork(nn.Module, ABC):
 class Deployed(nn.Module):
     """The whole function of a model file: uint8 views in, disparity and confidence out."""
 
-    def __init__(self, network: StereoNetwork, answer_cell: int = 1) -> None:
-        """Deploy a network, with one answer for each ``answer_cell`` x ``answer_cell`` of its own: their mean.
-
-        Raises InvalidArgument where the sides of the input need not hold a whole number of such cells.
-        """
+    def __init__(self, network: StereoNetwork) -> None:
         super().__init__()
         self.network = network
-        self.answer_cell = answer_cell
-        self.output_stride = network.output_stride * answer_cell
-        if answer_cell < 1 or network.input_multiple % self.output_stride:
-            rule = f"must divide {network.input_multiple // network.output_stride}, for {network.name}"
-            raise InvalidArgument("answer_cell", rule, answer_cell)
 
     def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
         """Map uint8 [N, 3, H, W] to disparity and confidence, float32 [N, 1, H/s, W/s]."""
-        views = (left, right) if self.network.reads_bytes else (left.to(torch.float32), right.to(torch.float32))
-        prediction = self.network(*views)
-        return self._in_cells(prediction.disparities[-1]), self._in_cells(self.network.trust(prediction))
-
-    def _in_cells(self, values: Tensor) -> Tensor:
-        return values if self.answer_cell == 1 else F.avg_pool2d(values, self.answer_cell)
+        network = self.network
+        views = (left, right) if network.reads_bytes else (left.to(torch.float32), right.to(torch.float32))
+        prediction = network(*views)
+        return network.in_cells(prediction.disparities[-1]), network.in_cells(network.trust(prediction))
 
 
 def check_max_disparity(value: int, cell: int) -> int:
