@@ -30,7 +30,7 @@ from endosdk.training.model_file import write_model
 
 WIDE = 16  # channels from which a convolution fills the integer units
 # Operators that only move values, between a convolution and the addition or the product that reads its result.
-MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose")
+MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose", "Gather")
 PREFIX = "endosdk."
 
 Names = dict[str, onnx.NodeProto]
@@ -109,26 +109,34 @@ def read_bytes_directly(graph: onnx.GraphProto) -> None:
 
 
 def _wide_nodes(graph: onnx.GraphProto) -> list[str]:
-    """Name the nodes to quantise: wide convolutions, and what moves, adds, rectifies or weighs their results."""
+    """Name the nodes to quantise: wide convolutions, and what moves, adds, rectifies or weighs their results.
+
+    A convolution of values that were computed in floats stays in floats: disparities and what was seen at them differ
+    so much in size, from channel to channel, that one scale of 256 steps for all would lose the small ones.
+    """
     makers = {name: node for node in graph.node for name in node.output}
     weights = {weight.name: weight.dims for weight in graph.initializer}
-    chosen = {node.name for node in graph.node if node.op_type == "Conv" and weights[node.input[1]][0] >= WIDE}
+    chosen: set[str] = set()
     for node in graph.node:  # in the order of computation
-        if node.op_type in (*MOVES, "Add", "MatMul") and any(_comes_from(name, makers, chosen) for name in node.input):
-            chosen.add(node.name)
+        if node.op_type == "Conv":
+            wide = weights[node.input[1]][0] >= WIDE
+            if wide and all(source is None or source in chosen for source in _sources(node.input[0], makers)):
+                chosen.add(node.name)
+        elif node.op_type in (*MOVES, "Add", "MatMul"):
+            if any(source in chosen for name in node.input for source in _sources(name, makers)):
+                chosen.add(node.name)
     return [node.name for node in graph.node if node.name in chosen]
 
 
-def _comes_from(name: str, makers: Names, chosen: set[str]) -> bool:
-    """Tell whether a value is the result of a chosen node, perhaps moved."""
+def _sources(name: str, makers: Names) -> set[str | None]:
+    """Name the nodes that compute a value, before it is moved; None stands for the pictures, which are bytes."""
     node = makers.get(name)
-    while node is not None:
-        if node.name in chosen:
-            return True
-        if node.op_type not in MOVES:
-            return False
-        node = makers.get(node.input[0])
-    return False
+    if node is None or node.op_type == "Cast":
+        return {None}
+    if node.op_type not in MOVES:
+        return {node.name}
+    inputs = node.input if node.op_type == "Concat" else node.input[:1]
+    return set().union(*(_sources(each, makers) for each in inputs))
 
 
 def _users(graph: onnx.GraphProto) -> dict[str, list[onnx.NodeProto]]:
