@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import torch
 from torch import Tensor, nn
 from torch.optim import Optimizer
@@ -16,6 +13,8 @@ QUINTIC = (3.4445, -4.7750, 2.0315)
 ROUNDS = 5
 ADAMW_SIZE = 0.2  # how much AdamW usually moves a weight, as a share of the rate: so both go by the same rate
 SMALLEST = 1e-7
+MOMENTUM = 0.95
+ADAM_MOMENTA = 0.9, 0.999  # of the gradient and of its square
 
 
 def build_optimiser(network: nn.Module, config: TrainConfig) -> Optimizer:
@@ -35,20 +34,11 @@ class Muon(Optimizer):
     training", 2025). Single rows and everything that is no matrix (biases, scales) go by Adam, with the same decay.
     """
 
-    def __init__(
-        self,
-        network: nn.Module,
-        *,
-        rate: float,
-        weight_decay: float,
-        momentum: float = 0.95,
-        betas: tuple[float, float] = (0.9, 0.999),
-    ) -> None:
-        self.momentum, self.betas = momentum, betas
+    def __init__(self, network: nn.Module, *, rate: float, weight_decay: float) -> None:
         super().__init__(network.parameters(), {"lr": rate, "weight_decay": weight_decay})
 
     @torch.no_grad()
-    def step(self, closure: Callable[[], Any] | None = None) -> None:  # type: ignore[override]
+    def step(self) -> None:  # type: ignore[override]
         """Take one step along the gradients that are there."""
         for group in self.param_groups:
             for parameter in group["params"]:
@@ -64,8 +54,8 @@ class Muon(Optimizer):
         assert gradient is not None
         if not state:
             state["momentum"] = torch.zeros_like(parameter)
-        mean = state["momentum"].lerp_(gradient, 1.0 - self.momentum)
-        ahead = gradient.lerp(mean, self.momentum).flatten(1)
+        mean = state["momentum"].lerp_(gradient, 1.0 - MOMENTUM)
+        ahead = gradient.lerp(mean, MOMENTUM).flatten(1)
         size: float = ADAMW_SIZE * max(ahead.shape) ** 0.5
         direction: Tensor = orthogonalised(ahead) * size
         return direction.view(parameter.shape)
@@ -78,7 +68,7 @@ class Muon(Optimizer):
             state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(parameter), torch.zeros_like(parameter)
         state["step"] += 1
         taken = float(state["step"])
-        first, second = self.betas
+        first, second = ADAM_MOMENTA
         mean = state["exp_avg"].lerp_(gradient, 1.0 - first) / (1.0 - first**taken)
         square = state["exp_avg_sq"].lerp_(gradient.square(), 1.0 - second) / (1.0 - second**taken)
         direction: Tensor = mean / (square.sqrt() + SMALLEST)
