@@ -23,6 +23,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "optimiser": (str, "rmsprop, adamw or muon"),
     "rate": (float, "learning rate at the start"),
     "final_rate": (float, "learning rate at the end"),
+    "decay": (str, "how the rate falls: exponential or linear"),
     "refine_from_step": (int, "train the coarse stage alone until this step"),
     "precision": (str, "auto, fp32 or bf16"),
     "device": (str, "auto, cpu or cuda"),

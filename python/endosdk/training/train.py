@@ -118,7 +118,7 @@ class Run:
             self.step, self.seconds = saved.step, float(saved.state["seconds"])
             self.history, self.origin = saved.state["history"], saved.state["init"]
         else:
-            kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate")
+            kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate", "decay")
             past = {key: saved.config.as_dict()[key] for key in kept}
             self.origin = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
         return saved
