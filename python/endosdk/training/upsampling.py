@@ -10,6 +10,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from endosdk.training.networks.base import Prediction, StereoNetwork
+from endosdk.training.networks.confidence import log_scale_of
 
 REACH = 3  # cells, along each axis, from which on a cell counts for nothing
 UNLIKE = 128.0  # sum of the differences of three channels, grey levels, from which a cell looks altogether different
@@ -38,14 +39,9 @@ def on_input_grid(
         return [to_input_grid(found, stride) for found in maps]
     with torch.no_grad():
         known = prediction._replace(evidence=prediction.evidence.float())
-        log_scale = _scale_of(network.in_cells(network.trust(known)))
+        log_scale = log_scale_of(network.in_cells(network.trust(known)))
     guided = guided_upsampling(network.in_cells(maps[-1]), log_scale, left)
     return [*(to_input_grid(found, stride) for found in maps[:-1]), guided]
-
-
-def _scale_of(trust: Tensor) -> Tensor:
-    """Return the logarithm of the scale, px, of the Laplace law that gives the probability to be right to one pixel."""
-    return -torch.log(-torch.log1p(-trust))
 
 
 def guided_upsampling(disparity: Tensor, log_scale: Tensor, view: Tensor) -> Tensor:

@@ -31,3 +31,8 @@ class ConfidenceHead(nn.Module):
     def forward(self, log_scale: Tensor) -> Tensor:
         """Return P(|error| <= 1 px) of `log_scale`; same shape."""
         return 1.0 - torch.exp(-torch.exp(-log_scale))
+
+
+def log_scale_of(trust: Tensor) -> Tensor:
+    """Return log b of the probability that `ConfidenceHead` gives for it; same shape."""
+    return -torch.log(-torch.log1p(-trust))
