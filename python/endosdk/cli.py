@@ -13,6 +13,7 @@ from endosdk.errors import EndoError
 
 VERBS = {
     "predict": "disparity and depth of one stereo pair, as files and a picture",
+    "batch": "disparity and depth of every pair of an archive, on one machine or a Ray cluster",
     "bench": "time a model on this machine, with its error and a rival beside it",
     "evaluate": "score a model on a data set with truth",
     "calibrate": "calibrate a rig from board pictures, or convert a calibration file",

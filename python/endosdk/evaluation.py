@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,12 +18,12 @@ from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.estimator import DepthEstimator
 from endosdk.image_files import write_picture
 from endosdk.picture import error_overview
+from endosdk.progress import show_progress
 from endosdk.scores import ScoreBoard, evaluate_pair
 
 FloatMap = npt.NDArray[np.float32]
 
 WORST_PAIRS = 10
-PROGRESS_CELLS = 30
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
         )
         errors.append((_pair_error(answer, sample), sample.id, index))
         times.append(answer.milliseconds)
-        _progress(index + 1, count, time.perf_counter() - started)
+        show_progress(index + 1, count, time.perf_counter() - started)
     measures = board.result()
     if not measures["all"]["pixels"]:
         raise DatasetInvalid("dataset", f"must have truth in its split {reader.split}", f"none in {count} pairs")
@@ -147,11 +146,3 @@ def _pair_error(answer: Answer, sample: Sample) -> float:
 
 def _finite(error: float) -> float | None:
     return error if 0 <= error < float("inf") else None
-
-
-def _progress(done: int, count: int, elapsed: float) -> None:
-    left = elapsed / done * (count - done)
-    bar = "#" * (PROGRESS_CELLS * done // count)
-    end = "\n" if done == count else ""
-    text = f"\r[{bar:{PROGRESS_CELLS}}] pair {done} of {count}, {left:.0f} s left   "
-    print(text, end=end, file=sys.stderr, flush=True)

@@ -39,12 +39,25 @@ def write_picture(path: Path, picture: npt.NDArray[np.uint8] | npt.NDArray[np.ui
 
 
 def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthResult) -> dict[str, Path]:
+    """Write what `write_maps` does, a picture of it all and the points; return name and path of each file.
+
+    ``overview.png`` shows the maps, ``points.ply`` holds the depth as coloured points. ``left`` is the rectified left
+    view, RGB uint8 [H, W, 3] like the maps.
+    """
+    written = write_maps(folder, result)
+    written["overview.png"] = Path(folder) / "overview.png"
+    write_picture(written["overview.png"], overview(left, result))
+    if result.depth_map is not None:
+        written["points.ply"] = Path(folder) / "points.ply"
+        write_ply(written["points.ply"], result.points(), left)
+    return written
+
+
+def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
     ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit whole millimetres; both 0 where there is no value.
-    ``depth.npy`` keeps the float32 millimetres, ``points.ply`` the same as coloured points. ``confidence.png`` is
-    8-bit, times 255; ``reasons.png`` holds the bits. ``left`` is the rectified left view, RGB uint8 [H, W, 3] like the
-    maps.
+    ``depth.npy`` keeps the float32 millimetres. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits.
     """
     folder = Path(folder)
     try:
@@ -55,7 +68,6 @@ def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthR
         "disparity.png": _to_uint16(result.disparity * 256),
         "confidence.png": np.rint(result.confidence * 255).astype(np.uint8),
         "reasons.png": result.reasons,
-        "overview.png": overview(left, result),
     }
     if result.depth_map is not None:
         pictures["depth.png"] = _to_uint16(result.depth_map)
@@ -69,8 +81,6 @@ def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthR
             np.save(written["depth.npy"], result.depth_map)
         except OSError as error:
             raise StorageFailed("out", "must be writable", error) from error
-        written["points.ply"] = folder / "points.ply"
-        write_ply(written["points.ply"], result.points(), left)
     return written
 
 

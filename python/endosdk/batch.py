@@ -1,0 +1,263 @@
+"""Depth of every stereo pair of an archive: two folders of pictures in, a folder of maps for each pair out.
+
+A pair's folder appears whole or not at all, and holds the same whoever computed it: this process, several, or a Ray
+cluster whose machines all see the folders. So a batch that was stopped is continued by starting it again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from endosdk.calibration import StereoCalibration
+from endosdk.dataset import replace_text
+from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.estimator import DepthEstimator
+from endosdk.image_files import read_frame, write_maps
+from endosdk.models import shipped_models
+from endosdk.progress import show_progress
+from endosdk.result import DepthResult
+from endosdk.workers import WorkerKilled, work_apart, work_on_ray
+
+FORMAT_VERSION = 1
+RECORD = "batch.json"
+PAIRS = "pairs"  # folder of the pairs' folders
+PICTURES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
+SIDE = re.compile("left|right", re.IGNORECASE)  # what the names of a pair's two files may differ in
+SHARE = 8  # pairs that a worker is given at a time
+
+
+class PairFiles(NamedTuple):
+    """The two pictures of a pair, and the name of its folder."""
+
+    name: str
+    left: Path
+    right: Path
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the maps depend on, beside the pictures."""
+
+    model: str  # shipped name or path
+    calibration: StereoCalibration | None = None  # None: the pairs are rectified, and there is no depth
+    network_size: tuple[int, int] | None = None
+    provider: str = "cpu"
+    threads: int | None = None  # of one worker; the maps do not depend on it
+
+
+def find_pairs(left: str | Path, right: str | Path) -> list[PairFiles]:
+    """Match the pictures of two folders by name, in the order of their names.
+
+    A pair's file names are the same up to their ending, but for "left" where the other has "right". Files that are no
+    pictures are passed over. Raises InvalidArgument where a picture has no partner, or more than one.
+    """
+    lefts, rights = _pictures("left", Path(left).resolve()), _pictures("right", Path(right).resolve())
+    for name, own, other in (("left", lefts, rights), ("right", rights, lefts)):
+        alone = sorted(own.keys() - other.keys())
+        if alone:
+            rule = "every picture must have one of the same name in the other folder"
+            raise InvalidArgument(name, rule, f"{own[alone[0]].name} alone, {len(alone)} such in all")
+    return [PairFiles(key, lefts[key], rights[key]) for key in sorted(lefts)]
+
+
+def _pictures(name: str, folder: Path) -> dict[str, Path]:
+    try:
+        files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in PICTURES]
+    except OSError as error:
+        raise InvalidArgument(name, "must be a folder that can be read", f"{folder}: {error}") from error
+    if not files:
+        raise InvalidArgument(name, f"must hold pictures ({', '.join(PICTURES)})", f"none in {folder}")
+    found: dict[str, Path] = {}
+    for path in files:
+        # What is left of a name when the side is taken out; a file may be called "left.png".
+        key = SIDE.sub("", path.stem).strip("-_. ") or "pair"
+        if key in found:
+            raise InvalidArgument(name, "names must tell the pairs apart", f"{found[key].name} and {path.name}")
+        found[key] = path
+    return found
+
+
+def run_batch(
+    pairs: Sequence[PairFiles], settings: Settings, out: str | Path, *, workers: int = 1, ray: bool = False
+) -> dict[str, Any]:
+    """Compute what is missing in ``out`` with a progress bar; return the record, which is also ``out/batch.json``.
+
+    ``workers`` is how many processes work at a time, on this machine or, with ``ray``, on the cluster. The record has
+    the settings, how many pairs got which `Status`, and ``failed``: the error of each pair whose pictures cannot be
+    used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of other settings,
+    StorageFailed where it cannot be written, DatasetInvalid where a finished pair was damaged, InferenceFailed where a
+    worker is killed. Pictures that changed under the same name are not noticed.
+    """
+    if workers < 1:
+        raise InvalidArgument("workers", "must be at least 1", workers)
+    if ray and settings.provider != "cpu":
+        raise InvalidArgument("provider", "must be cpu on a Ray cluster", settings.provider)
+    if settings.model not in shipped_models():
+        settings = replace(settings, model=str(Path(settings.model).resolve()))  # workers start in other folders
+    # Here too, before anything is written: a wrong setting is told at once, and all workers must load this very model.
+    model = _opened(settings).model
+    described = {
+        "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
+        "calibration_sha256": None if settings.calibration is None else settings.calibration.sha256,
+        "network_size": None if settings.network_size is None else list(settings.network_size),
+    }
+    job = _Job(Path(out).resolve(), settings, model.sha256)
+    _claim(job.out, described)
+    failed = _compute(job, [pair for pair in pairs if not job.folder(pair).is_dir()], len(pairs), workers, ray)
+    counts = Counter(_status(job.folder(pair)) for pair in pairs if pair.name not in failed)
+    record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
+    _write_record(job.out, record)
+    return record
+
+
+def _status(folder: Path) -> str:
+    try:
+        return str(json.loads((folder / "result.json").read_text())["status"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        rule = "a finished pair was changed; delete its folder, and the same command computes it again"
+        raise DatasetInvalid("out", rule, f"{folder}: {error!r}") from error
+
+
+@dataclass(frozen=True)
+class _Job:
+    out: Path
+    settings: Settings
+    model_sha256: str
+
+    def folder(self, pair: PairFiles) -> Path:
+        return self.out / PAIRS / pair.name
+
+
+def _claim(out: Path, described: dict[str, Any]) -> None:
+    """Note the settings in a new folder, or check that the folder was begun with the same ones."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if (out / RECORD).exists():
+            begun = json.loads((out / RECORD).read_text())
+            if begun.get("format_version") != FORMAT_VERSION or begun.get("settings") != described:
+                raise InvalidArgument("out", "must be new, or hold a batch of the same model, rig and size", out)
+        elif any(out.iterdir()):
+            raise InvalidArgument("out", "must be an empty or new folder, or a batch begun by this command", out)
+        else:
+            _write_record(out, {"format_version": FORMAT_VERSION, "settings": described})
+        (out / PAIRS).mkdir(exist_ok=True)
+        for left_over in out.glob(".partial-*"):
+            shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+
+
+def _write_record(out: Path, record: dict[str, Any]) -> None:
+    try:
+        replace_text(out / RECORD, json.dumps(record, indent=1) + "\n")
+    except OSError as error:
+        raise StorageFailed("out", f"{RECORD} must be writable", f"{out}: {error}") from error
+
+
+def _compute(job: _Job, missing: list[PairFiles], count: int, workers: int, ray: bool) -> dict[str, str]:
+    """Compute the missing pairs; return the errors of those whose pictures cannot be used, by name."""
+    errors: dict[str, str] = {}
+    done = 0
+    started = time.monotonic()
+    for found in _shares(job, missing, workers, ray):
+        for name, error in found.items():
+            done += 1
+            if error is not None:
+                errors[name] = error
+        show_progress(done, len(missing), time.monotonic() - started)
+    return dict(sorted(errors.items()))
+
+
+def _shares(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> Iterator[dict[str, str | None]]:
+    if not missing:
+        return
+    if workers == 1 and not ray:
+        yield from (_answer_all(job, [pair]) for pair in missing)
+        return
+    tasks = [missing[first : first + SHARE] for first in range(0, len(missing), SHARE)]
+    work = partial(_answer_all, job)
+    if ray:
+        yield from work_on_ray(work, tasks, workers, cores=job.settings.threads or 1)
+        return
+    try:
+        yield from work_apart(work, tasks, workers)
+    except WorkerKilled as error:
+        rule = "a worker was killed, perhaps for want of memory; the same command continues the batch"
+        raise InferenceFailed("workers", rule, error) from error
+
+
+# Of this process: loading a model anew for every share would cost more than running it.
+_estimators: dict[tuple[object, ...], DepthEstimator] = {}
+
+
+def _opened(settings: Settings) -> DepthEstimator:
+    rig = settings.calibration
+    key = (settings.model, rig and rig.sha256, settings.network_size, settings.provider, settings.threads)
+    if key not in _estimators:
+        _estimators.clear()
+        _estimators[key] = DepthEstimator(
+            settings.model,
+            calibration=rig,
+            provider=settings.provider,
+            threads=settings.threads,
+            network_size=settings.network_size,
+        )
+    return _estimators[key]
+
+
+def _answer_all(job: _Job, pairs: list[PairFiles]) -> dict[str, str | None]:
+    """Answer some pairs; return the error of each, None where there was none."""
+    estimator = _opened(job.settings)
+    if estimator.model.sha256 != job.model_sha256:
+        # A processor without instructions for 8-bit integers gets the model's twin in floats.
+        rule = "every machine of the cluster must load the same; name a model in floats"
+        raise InvalidArgument("model", rule, f"{estimator.model.name} on one of them")
+    return {pair.name: _answer(job, estimator, pair) for pair in pairs}
+
+
+def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None:
+    try:
+        result = estimator.predict(read_frame(pair.left), read_frame(pair.right))
+    except (InvalidArgument, CalibrationSizeMismatch) as error:
+        return str(error)
+    partial_folder = job.out / f".partial-{pair.name}-{os.getpid()}"
+    try:
+        write_maps(partial_folder, result)
+        (partial_folder / "result.json").write_text(json.dumps(_described(pair, result), indent=1) + "\n")
+        partial_folder.rename(job.folder(pair))
+    except (OSError, StorageFailed) as error:
+        shutil.rmtree(partial_folder, ignore_errors=True)
+        raise StorageFailed("out", "the maps must be writable", f"{job.folder(pair)}: {error}") from error
+    return None
+
+
+def _described(pair: PairFiles, result: DepthResult) -> dict[str, Any]:
+    geometry = result.geometry
+    answered = result.reasons == 0
+    return {
+        "left": pair.left.name,
+        "right": pair.right.name,
+        "status": result.status.name,
+        "valid_share": round(result.valid_share, 4),
+        "median_disparity_px": _median(result.disparity[answered]),
+        "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[answered]),
+        "geometry": None
+        if geometry is None
+        else {name: getattr(geometry, name) for name in ("focal_px", "baseline_mm", "cx", "cy", "doffs")},
+    }
+
+
+def _median(values: Any) -> float | None:
+    return round(float(np.median(values)), 3) if values.size else None

@@ -1,0 +1,106 @@
+"""Who does the tasks of a long job: this process, several of this machine, or a Ray cluster."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from multiprocessing import get_context, parent_process
+from typing import Any, TypeVar
+
+from endosdk.errors import DependencyMissing
+
+Task = TypeVar("Task")
+Outcome = TypeVar("Outcome")
+
+RETRIES = 20  # of a task whose worker was killed, before the run gives up
+
+
+class WorkerKilled(Exception):
+    """A process of this machine ended in the middle of a task."""
+
+
+def work_apart(
+    function: Callable[[Task], Outcome],
+    tasks: Sequence[Task],
+    workers: int,
+    *,
+    closing: Callable[[], None] | None = None,
+) -> Iterator[Outcome]:
+    """Do the tasks in several processes; yield what the function returns as tasks are finished.
+
+    ``closing`` is called in a worker that control-C ends. Raises WorkerKilled where a worker is killed.
+    """
+    # Each process starts afresh: neither an OpenGL context nor the threads of a runtime survive a fork.
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_obey_the_parent, initargs=(closing,)) as pool:
+        futures = [pool.submit(function, task) for task in tasks]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BrokenProcessPool as error:
+            raise WorkerKilled(str(error)) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _obey_the_parent(closing: Callable[[], None] | None) -> None:
+    """Let this worker end at control-C, which reaches it too, and when the process that started it is killed."""
+
+    def end_now(*_: object) -> None:
+        if closing is not None:
+            with suppress(Exception):  # it may be at work
+                closing()
+        os._exit(1)
+
+    signal.signal(signal.SIGINT, end_now)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def work_on_ray(
+    function: Callable[[Task], Outcome], tasks: Sequence[Task], workers: int, *, cores: int = 1
+) -> Iterator[Outcome]:
+    """Do the tasks on a Ray cluster, that of $RAY_ADDRESS or one started here; yield as tasks are finished.
+
+    ``workers`` tasks run at a time, each of which is counted as ``cores`` processors. A task whose worker dies is given
+    to another. Raises DependencyMissing where Ray is not installed.
+    """
+    # Ray would report its use to its makers over the network.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ImportError as error:
+        raise DependencyMissing("ray", "needs Ray: pip install 'endosdk[ray]'", error) from error
+    started = not ray.is_initialized()
+    if started:
+        ray.init(log_to_driver=False, include_dashboard=False)
+    try:
+        remote: Any = ray.remote(max_retries=RETRIES, num_cpus=cores)(_work)
+        waiting = list(reversed(tasks))
+        running: list[Any] = []
+        while waiting or running:
+            while waiting and len(running) < workers:
+                running.append(remote.remote(function, waiting.pop()))
+            finished, running = ray.wait(running)
+            for reference in finished:
+                yield ray.get(reference)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause from error  # ours, as raised in the worker
+    finally:
+        if started:
+            ray.shutdown()
+
+
+def _work(function: Callable[[Task], Outcome], task: Task) -> Outcome:
+    return function(task)
