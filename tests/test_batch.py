@@ -17,7 +17,7 @@ from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound, Stora
 from endosdk.image_files import read_frame, write_picture
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "data"
-NAMES = [f"frame_{number:03d}" for number in range(10)]  # more than a worker is given at a time
+NAMES = [f"frame_{number:03d}_left" for number in range(10)]  # more than a worker is given at a time
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (root / side).mkdir()
         for number, name in enumerate(NAMES):
             part = view[100 + 20 * number : 340 + 20 * number, 200 + 30 * number : 520 + 30 * number]
-            write_picture(root / side / f"{name}_{side}.png", np.ascontiguousarray(part))
+            write_picture(root / side / f"{name.replace('left', side)}.png", np.ascontiguousarray(part))
     return root
 
 
@@ -56,7 +56,7 @@ def done(archive: Path, settings: Settings, tmp_path_factory: pytest.TempPathFac
 def test_a_batch_gives_what_predict_gives(archive, settings, done):
     estimator = DepthEstimator("fast", calibration=settings.calibration, threads=1)
     for name in NAMES:
-        left, right = (read_frame(archive / side / f"{name}_{side}.png") for side in ("left", "right"))
+        left, right = (read_frame(archive / side / f"{name.replace('left', side)}.png") for side in ("left", "right"))
         result = estimator.predict(left, right)
         folder = done / "pairs" / name
         disparity = cv2.imread(str(folder / "disparity.png"), cv2.IMREAD_UNCHANGED)
@@ -96,7 +96,7 @@ def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tm
     out = tmp_path / "out"
     shutil.copytree(done, out)
     shutil.rmtree(out / "pairs" / NAMES[3])
-    (out / ".partial-frame_003-1").mkdir()  # of a process that was killed
+    (out / ".partial-frame_003_left-1").mkdir()  # of a process that was killed
     kept = out / "pairs" / NAMES[4] / "disparity.png"
     kept.write_bytes(b"not looked at")
     run_batch(find_pairs(archive / "left", archive / "right"), settings, out)
@@ -115,7 +115,7 @@ def test_a_finished_pair_that_was_damaged_is_named(archive, settings, done, tmp_
 
 def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tmp_path, capsys):
     shutil.copytree(archive, tmp_path / "in")
-    broken = tmp_path / "in" / "right" / f"{NAMES[1]}_right.png"
+    broken = tmp_path / "in" / "right" / "frame_001_right.png"
     broken.write_bytes(b"no picture")
     words = ["batch", str(tmp_path / "in" / "left"), str(tmp_path / "in" / "right"), "--out", str(tmp_path / "out")]
     assert main(words) == 1
@@ -155,40 +155,3 @@ def test_a_folder_with_other_things_is_left_alone(archive, settings, tmp_path):
     with pytest.raises(InvalidArgument, match="out: must be an empty or new folder"):
         run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
-
-
-def files(folder: Path, *names: str) -> Path:
-    folder.mkdir(exist_ok=True)
-    for name in names:
-        (folder / name).touch()
-    return folder
-
-
-def test_pairs_are_matched_by_name(tmp_path):
-    left = files(tmp_path / "a", "Left_10.png", "Left_9.PNG", "notes.txt", "left.bmp")
-    right = files(tmp_path / "b", "Right_9.jpg", "Right_10.jpg", "right.png")
-    found = [(pair.name, pair.left.name, pair.right.name) for pair in find_pairs(left, right)]
-    assert found == [
-        ("10", "Left_10.png", "Right_10.jpg"),
-        ("9", "Left_9.PNG", "Right_9.jpg"),
-        ("pair", "left.bmp", "right.png"),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "told"),
-    [
-        (["1.png", "2.png"], ["1.png"], "left: every picture must have one of the same name.*2.png alone, 1 such"),
-        (["1.png"], ["1.png", "3.png", "2.png"], "right: every picture .*2.png alone, 2 such"),
-        (["1.png"], ["notes.txt"], "right: must hold pictures"),
-        (["1.png", "1.jpg"], ["1.png"], "left: names must tell the pairs apart; got 1.jpg and 1.png"),
-    ],
-)
-def test_pictures_without_a_partner_are_told(tmp_path, left, right, told):
-    with pytest.raises(InvalidArgument, match=told):
-        find_pairs(files(tmp_path / "a", *left), files(tmp_path / "b", *right))
-
-
-def test_a_folder_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(InvalidArgument, match="right: must be a folder that can be read"):
-        find_pairs(files(tmp_path / "a", "1.png"), tmp_path / "b")

@@ -9,8 +9,6 @@ import pytest
 
 from endosdk.calibration import StereoCalibration
 from endosdk.cli import main
-from endosdk.commands.calibrate import pair_pictures
-from endosdk.errors import InvalidArgument
 from tests.rigs import raw_rig
 
 
@@ -70,31 +68,6 @@ def picture_folder(folder: Path, *names: str, size: tuple[int, int] = (60, 80)) 
     for name in names:
         cv2.imwrite(str(folder / name), np.full((*size, 3), 128, np.uint8))
     return folder
-
-
-def test_pictures_are_paired_by_their_numbers(tmp_path: Path) -> None:
-    left = picture_folder(tmp_path / "l", "left_2.png", "left_10.png", "left_1.png")
-    right = picture_folder(tmp_path / "r", "R1.png", "R10.png", "R2.png")
-    (left / "notes.txt").write_text("no picture")
-    names = [(a.name, b.name) for a, b in pair_pictures(left, right)]
-    assert names == [("left_1.png", "R1.png"), ("left_2.png", "R2.png"), ("left_10.png", "R10.png")]
-
-
-@pytest.mark.parametrize(
-    ("lefts", "rights", "word"),
-    [
-        (("a1.png", "a2.png"), ("b1.png",), "a2.png"),
-        (("a1.png",), ("b1.png", "b3.png"), "b3.png"),
-        (("a1.png", "c1.png"), ("b1.png",), "differ in their numbers"),
-        ((), ("b1.png",), "must hold pictures"),
-    ],
-)
-def test_pictures_without_a_partner_are_named(
-    tmp_path: Path, lefts: tuple[str, ...], rights: tuple[str, ...], word: str
-) -> None:
-    left, right = picture_folder(tmp_path / "l", *lefts), picture_folder(tmp_path / "r", *rights)
-    with pytest.raises(InvalidArgument, match=word):
-        pair_pictures(left, right)
 
 
 def test_pictures_without_a_board_are_skipped_and_too_few_are_refused(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFai
 from endosdk.estimator import DepthEstimator
 from endosdk.image_files import read_frame, write_maps
 from endosdk.models import shipped_models
+from endosdk.picture_pairs import pair_pictures
 from endosdk.progress import show_progress
 from endosdk.result import DepthResult
 from endosdk.workers import WorkerKilled, work_apart, work_on_ray
@@ -33,8 +33,6 @@ from endosdk.workers import WorkerKilled, work_apart, work_on_ray
 FORMAT_VERSION = 1
 RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
-PICTURES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
-SIDE = re.compile("left|right", re.IGNORECASE)  # what the names of a pair's two files may differ in
 SHARE = 8  # pairs that a worker is given at a time
 
 
@@ -58,35 +56,9 @@ class Settings:
 
 
 def find_pairs(left: str | Path, right: str | Path) -> list[PairFiles]:
-    """Match the pictures of two folders by name, in the order of their names.
-
-    A pair's file names are the same up to their ending, but for "left" where the other has "right". Files that are no
-    pictures are passed over. Raises InvalidArgument where a picture has no partner, or more than one.
-    """
-    lefts, rights = _pictures("left", Path(left).resolve()), _pictures("right", Path(right).resolve())
-    for name, own, other in (("left", lefts, rights), ("right", rights, lefts)):
-        alone = sorted(own.keys() - other.keys())
-        if alone:
-            rule = "every picture must have one of the same name in the other folder"
-            raise InvalidArgument(name, rule, f"{own[alone[0]].name} alone, {len(alone)} such in all")
-    return [PairFiles(key, lefts[key], rights[key]) for key in sorted(lefts)]
-
-
-def _pictures(name: str, folder: Path) -> dict[str, Path]:
-    try:
-        files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in PICTURES]
-    except OSError as error:
-        raise InvalidArgument(name, "must be a folder that can be read", f"{folder}: {error}") from error
-    if not files:
-        raise InvalidArgument(name, f"must hold pictures ({', '.join(PICTURES)})", f"none in {folder}")
-    found: dict[str, Path] = {}
-    for path in files:
-        # What is left of a name when the side is taken out; a file may be called "left.png".
-        key = SIDE.sub("", path.stem).strip("-_. ") or "pair"
-        if key in found:
-            raise InvalidArgument(name, "names must tell the pairs apart", f"{found[key].name} and {path.name}")
-        found[key] = path
-    return found
+    """Match the pictures of two folders as `pair_pictures` does; a pair goes by the name of its left picture."""
+    matched = pair_pictures(Path(left).resolve(), Path(right).resolve())
+    return [PairFiles(left_file.stem, left_file, right_file) for left_file, right_file in matched]
 
 
 def run_batch(

@@ -9,7 +9,7 @@ from pathlib import Path
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("left", type=Path, help="folder of the left views")
-    parser.add_argument("right", type=Path, help="folder of the right views, named alike but for left and right")
+    parser.add_argument("right", type=Path, help="folder of the right views, with the same numbers in their names")
     parser.add_argument("--out", type=Path, required=True, help="folder for the maps; a batch begun there is continued")
     parser.add_argument("--model", default="fast", help="shipped name or .onnx file (default: %(default)s)")
     parser.add_argument("--calibration", type=Path, help="rig file; without it the pairs must be rectified already")

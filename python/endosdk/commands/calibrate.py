@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,8 +13,6 @@ from endosdk.errors import InvalidArgument
 if TYPE_CHECKING:
     from endosdk.board_calibration import Points
     from endosdk.calibration import StereoCalibration
-
-PICTURE_ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,6 +52,7 @@ def _convert(args: argparse.Namespace) -> StereoCalibration:
 
 def _board(args: argparse.Namespace) -> StereoCalibration:
     from endosdk.board_calibration import calibrate_board
+    from endosdk.picture_pairs import pair_pictures
 
     pattern = parse_size(args.pattern)
     left, right, size = _find_all(pair_pictures(args.left, args.right), pattern)
@@ -91,33 +89,6 @@ def _find_all(
         left.append(found[0])
         right.append(same_order(found[0], found[1]))
     return left, right, size or (0, 0)
-
-
-def pair_pictures(left: Path, right: Path) -> list[tuple[Path, Path]]:
-    """Pair the pictures of two folders by the numbers in their names; a picture without a partner is an error."""
-    sides = [_by_number(name, folder) for name, folder in (("left", left), ("right", right))]
-    alone = sorted(
-        str(path) for key, path in [*sides[0].items(), *sides[1].items()] if not all(key in s for s in sides)
-    )
-    if alone:
-        raise InvalidArgument("pictures", "must have the same numbers in their names on both sides", ", ".join(alone))
-    return [(sides[0][key], sides[1][key]) for key in sorted(sides[0])]
-
-
-def _by_number(name: str, folder: Path) -> dict[tuple[int, ...], Path]:
-    if not folder.is_dir():
-        raise InvalidArgument(name, "must be a folder", str(folder))
-    found: dict[tuple[int, ...], Path] = {}
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in PICTURE_ENDINGS:
-            continue
-        key = tuple(int(digits) for digits in re.findall(r"\d+", path.stem))
-        if key in found:
-            raise InvalidArgument(name, "must hold pictures whose names differ in their numbers", (found[key], path))
-        found[key] = path
-    if not found:
-        raise InvalidArgument(name, f"must hold pictures ({', '.join(PICTURE_ENDINGS)})", str(folder))
-    return found
 
 
 def _print_summary(calibration: StereoCalibration) -> None:
