@@ -135,6 +135,13 @@ def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
             run_batch(pairs, other, done)
 
 
+@pytest.mark.parametrize("text", ["", "[]", '{"format_version": 0, "settings": {}}'])
+def test_a_record_that_is_none_of_ours_is_told(archive, settings, tmp_path, text):
+    (tmp_path / "batch.json").write_text(text)
+    with pytest.raises(InvalidArgument, match=r"out: batch\.json must be what this version wrote"):
+        run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path)
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "rule"),
     [

@@ -87,7 +87,7 @@ def run_batch(
     }
     job = _Job(Path(out).resolve(), settings, model.sha256)
     _claim(job.out, described)
-    failed = _compute(job, [pair for pair in pairs if not job.folder(pair).is_dir()], len(pairs), workers, ray)
+    failed = _compute(job, [pair for pair in pairs if not job.folder(pair).is_dir()], workers, ray)
     counts = Counter(_status(job.folder(pair)) for pair in pairs if pair.name not in failed)
     record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
     _write_record(job.out, record)
@@ -117,8 +117,7 @@ def _claim(out: Path, described: dict[str, Any]) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         if (out / RECORD).exists():
-            begun = json.loads((out / RECORD).read_text())
-            if begun.get("format_version") != FORMAT_VERSION or begun.get("settings") != described:
+            if _begun(out / RECORD) != described:
                 raise InvalidArgument("out", "must be new, or hold a batch of the same model, rig and size", out)
         elif any(out.iterdir()):
             raise InvalidArgument("out", "must be an empty or new folder, or a batch begun by this command", out)
@@ -131,6 +130,17 @@ def _claim(out: Path, described: dict[str, Any]) -> None:
         raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
 
 
+def _begun(path: Path) -> Any:
+    """Return the settings of a batch. Raises InvalidArgument where the file is none of this version."""
+    try:
+        record = json.loads(path.read_text())
+        if record["format_version"] == FORMAT_VERSION:
+            return record["settings"]
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise InvalidArgument("out", f"{RECORD} must be what this version wrote", path)
+
+
 def _write_record(out: Path, record: dict[str, Any]) -> None:
     try:
         replace_text(out / RECORD, json.dumps(record, indent=1) + "\n")
@@ -138,7 +148,7 @@ def _write_record(out: Path, record: dict[str, Any]) -> None:
         raise StorageFailed("out", f"{RECORD} must be writable", f"{out}: {error}") from error
 
 
-def _compute(job: _Job, missing: list[PairFiles], count: int, workers: int, ray: bool) -> dict[str, str]:
+def _compute(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> dict[str, str]:
     """Compute the missing pairs; return the errors of those whose pictures cannot be used, by name."""
     errors: dict[str, str] = {}
     done = 0
