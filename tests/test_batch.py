@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -103,6 +108,31 @@ def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tm
     assert kept.read_bytes() == b"not looked at"
     shutil.copy(done / "pairs" / NAMES[4] / "disparity.png", kept)
     assert contents(out) == contents(done) and not list(out.glob(".partial-*"))
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_an_interrupted_batch_says_how_to_go_on(archive, tmp_path, workers):
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        for number in range(500):
+            (tmp_path / side / f"{number}.png").symlink_to(archive / side / f"frame_000_{side}.png")
+    out = tmp_path / "out"
+    # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
+    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = f"{heed}; import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["batch", str(tmp_path / "left"), str(tmp_path / "right"), "--out", str(out), "--workers", workers]
+    run = subprocess.Popen(
+        [sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    limit = time.monotonic() + 120
+    while not list(out.glob("pairs/*")):
+        assert run.poll() is None and time.monotonic() < limit
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does to all of its processes
+    said = run.communicate(timeout=120)[1]
+    assert run.returncode == 130 and "Traceback" not in said
+    assert said.endswith(f"endosdk batch: stopped; the same command continues {out}\n")
+    assert 0 < len(list(out.glob("pairs/*"))) < 500
 
 
 def test_a_finished_pair_that_was_damaged_is_named(archive, settings, done, tmp_path):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
+
+INTERRUPTED = 130  # the exit status of a program stopped by control-C
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +39,11 @@ def run(args: argparse.Namespace) -> int:
         threads=1 if args.threads is None and (args.ray or args.workers > 1) else args.threads,
     )
     pairs = find_pairs(args.left, args.right)
-    record = run_batch(pairs, settings, args.out, workers=args.workers, ray=args.ray)
+    try:
+        record = run_batch(pairs, settings, args.out, workers=args.workers, ray=args.ray)
+    except KeyboardInterrupt:
+        print(f"endosdk batch: stopped; the same command continues {args.out}", file=sys.stderr)
+        return INTERRUPTED
     model = record["settings"]["model"]
     print(f"model      {model['name']} {model['version']}")
     print("pairs      " + ", ".join(f"{count} {status}" for status, count in sorted(record["status"].items())))
