@@ -19,6 +19,8 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 import cv2
+import numpy as np
+import numpy.typing as npt
 
 from benchmarks.methods.classical import classical_method
 from benchmarks.record import machine_record
@@ -38,6 +40,7 @@ SIDES = ((1, 1), (1, -1), (1, 0), (-1, 1), (-1, -1), (-1, 0), (0, 1), (0, -1))
 DISTANCES = (4, 14, 26, 40)
 STANDS = (*product((1.3,), DISTANCES, SIDES), *product((0.0,), DISTANCES[1:], SIDES))
 LETTER_GAP = 4  # px between names, so that two are not read as one
+LEADER_GAP = 8  # px from a name's leader to the points of others, so that it does not seem to end there
 
 
 def named_model(entry: str, threads: int) -> tuple[str, Method]:
@@ -112,6 +115,11 @@ def label_points(axes: Axes, points: dict[str, dict[str, float]]) -> None:
             box = label.get_window_extent()
             away = [_distance(box, point) for point in pixels]
             beside = all(far >= clearly * away[index] for at, far in enumerate(away) if at != index)
+            if distance > DISTANCES[0]:
+                reach = np.array([right, above]) * distance * axes.figure.dpi / 72
+                ways = [other - pixels[index] for other in pixels]
+                apart = [way for way in ways if math.hypot(*way) >= LEADER_GAP]  # the rest lie under its end anyway
+                beside = beside and all(_distance_of_leader(way, reach) >= LEADER_GAP for way in apart)
             if beside and _inside(box, axes.bbox) and not any(box.overlaps(other) for other in taken):
                 break
             label.remove()
@@ -126,6 +134,12 @@ def label_points(axes: Axes, points: dict[str, dict[str, float]]) -> None:
 def _distance(box: Bbox, point: tuple[float, float]) -> float:
     """Return how far a point lies from a box, px; 0 within."""
     return math.hypot(*(max(low - at, at - high, 0.0) for low, at, high in zip(box.min, point, box.max, strict=True)))
+
+
+def _distance_of_leader(point: npt.NDArray[np.float64], reach: npt.NDArray[np.float64]) -> float:
+    """Return how far a point lies from the line from the origin to ``reach``, px."""
+    share = np.clip(point @ reach / (reach @ reach), 0.0, 1.0)
+    return float(np.hypot(*(point - share * reach)))
 
 
 def _inside(box: Bbox, outer: Bbox) -> bool:

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from benchmarks.front import label_points
+from benchmarks.front import LEADER_GAP, label_points
 from benchmarks.methods.classical import classical_method
 from endosdk.dataset import Sample
 from tests.training.warped_scenes import warped_pair
@@ -17,7 +17,7 @@ RECORD = Path(__file__).resolve().parents[1] / "benchmarks" / "results" / "front
 
 
 def labelled(points):
-    """Positions of points and boxes of their names, px."""
+    """Positions of points, boxes of their names and, for those with a leader, where it starts, px."""
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot(xscale="log", yscale="log")
@@ -28,7 +28,12 @@ def labelled(points):
     label_points(axes, points)
     places = axes.transData.transform([(point["ms"], point["epe_px"]) for point in points.values()])
     boxes = {text.get_text(): text.get_window_extent() for text in axes.texts if text.get_text()}
-    return dict(zip(points, places, strict=True)), boxes
+    starts = {}
+    for text in axes.texts:
+        if not text.get_text():  # a leader, which starts at its name
+            name = next(name for name, point in points.items() if text.xy == (point["ms"], point["epe_px"]))
+            starts[name] = places[list(points).index(name)] + np.array(text.xyann) * figure.dpi / 72
+    return dict(zip(points, places, strict=True)), boxes, starts
 
 
 def distance(box, point):
@@ -41,9 +46,17 @@ def scattered(seed):
     return {f"model-{i}": {"ms": ms, "epe_px": epe} for i, (ms, epe) in enumerate(zip(times, errors, strict=True))}
 
 
+def crowded(seed):
+    """Points of which most need a leader."""
+    rng = np.random.default_rng(seed)
+    return {f"m{i}": {"ms": 10 ** rng.uniform(1.0, 1.3), "epe_px": 10 ** rng.uniform(-0.7, -0.5)} for i in range(9)} | {
+        "far": {"ms": 1000.0, "epe_px": 2.0}
+    }
+
+
 @pytest.mark.parametrize("points", [json.loads(RECORD.read_text())["points"], *map(scattered, range(30))])
 def test_every_name_stands_nearest_to_its_own_point_and_covers_nothing(points):
-    places, boxes = labelled(points)
+    places, boxes, _ = labelled(points)
     assert boxes.keys() == points.keys()
     for name, box in boxes.items():
         assert min(places, key=lambda other: distance(box, places[other])) == name
@@ -51,8 +64,17 @@ def test_every_name_stands_nearest_to_its_own_point_and_covers_nothing(points):
         assert not any(box.overlaps(other) for its, other in boxes.items() if its != name)
 
 
+@pytest.mark.parametrize("points", [crowded(seed) for seed in range(30)])
+def test_no_leader_passes_by_the_point_of_another(points):
+    places, _, starts = labelled(points)
+    for name, start in starts.items():
+        along = np.linspace(start, places[name], 200)
+        others = [place for other, place in places.items() if np.hypot(*(place - places[name])) >= LEADER_GAP]
+        assert all(np.hypot(*(along - place).T).min() >= LEADER_GAP - 0.5 for place in others), name
+
+
 def test_names_of_points_in_one_place_are_all_written():
-    _, boxes = labelled({f"model-{i}": {"ms": 10.0, "epe_px": 0.5} for i in range(40)})
+    _, boxes, _ = labelled({f"model-{i}": {"ms": 10.0, "epe_px": 0.5} for i in range(40)})
     assert len(boxes) == 40
 
 
