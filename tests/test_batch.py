@@ -18,8 +18,9 @@ import pytest
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.batch import Settings, find_pairs, run_batch
 from endosdk.cli import main
-from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound, StorageFailed
+from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound
 from endosdk.image_files import read_frame, write_picture
+from tests.ray_workers import a_worker_killed
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "data"
 NAMES = [f"frame_{number:03d}_left" for number in range(10)]  # more than a worker is given at a time
@@ -47,6 +48,14 @@ def settings() -> Settings:
 
 def contents(out: Path) -> dict[str, bytes]:
     return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+
+
+def many(archive: Path, root: Path, count: int) -> None:
+    """Make an archive whose pairs are all the same."""
+    for side in ("left", "right"):
+        (root / side).mkdir()
+        for number in range(count):
+            (root / side / f"{number}.png").symlink_to(archive / side / f"frame_000_{side}.png")
 
 
 @pytest.fixture(scope="module")
@@ -80,21 +89,24 @@ def test_several_processes_give_the_same_bytes(archive, settings, done, tmp_path
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_ray_cluster_gives_the_same_bytes(archive, settings, done, tmp_path, monkeypatch):
+def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path, monkeypatch):
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     ray = pytest.importorskip("ray")
-    pairs = find_pairs(archive / "left", archive / "right")
+    many(archive, tmp_path, 200)
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
     try:
-        run_batch(pairs, settings, tmp_path / "out", workers=2, ray=True)
-        (tmp_path / "full").mkdir()
-        (tmp_path / "full" / "batch.json").write_text((tmp_path / "out" / "batch.json").read_text())
-        (tmp_path / "full" / "pairs").write_text("a file where the folder should be")
-        with pytest.raises(StorageFailed):
-            run_batch(pairs, settings, tmp_path / "full", workers=2, ray=True)
+        with a_worker_killed(tmp_path / "out", "pairs/*"):
+            run_batch(
+                find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out", workers=2, ray=True
+            )
     finally:
         ray.shutdown()
-    assert contents(tmp_path / "out") == contents(done)
+    expected = contents(done / "pairs" / NAMES[0])
+    expected.pop("result.json")  # it has the names
+    for number in range(200):
+        found = contents(tmp_path / "out" / "pairs" / str(number))
+        assert json.loads(found.pop("result.json"))["left"] == f"{number}.png"
+        assert found == expected
 
 
 def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tmp_path):
@@ -112,10 +124,7 @@ def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tm
 
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_an_interrupted_batch_says_how_to_go_on(archive, tmp_path, workers):
-    for side in ("left", "right"):
-        (tmp_path / side).mkdir()
-        for number in range(500):
-            (tmp_path / side / f"{number}.png").symlink_to(archive / side / f"frame_000_{side}.png")
+    many(archive, tmp_path, 500)
     out = tmp_path / "out"
     # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
     heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"

@@ -206,7 +206,8 @@ def _answer_all(job: _Job, pairs: list[PairFiles]) -> dict[str, str | None]:
         # A processor without instructions for 8-bit integers gets the model's twin in floats.
         rule = "every machine of the cluster must load the same; name a model in floats"
         raise InvalidArgument("model", rule, f"{estimator.model.name} on one of them")
-    return {pair.name: _answer(job, estimator, pair) for pair in pairs}
+    # A pair may be there already: of a worker that was killed before it had done its share.
+    return {pair.name: None if job.folder(pair).is_dir() else _answer(job, estimator, pair) for pair in pairs}
 
 
 def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None:
