@@ -96,9 +96,15 @@ def rectify_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[]
 
 
 def map_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], None]]:
-    """Two routes from the network's maps to all full-size outputs, and a check that they agree."""
+    """Two routes from the network's maps to all full-size outputs, and a check that they agree.
+
+    The view that the network saw is as small as its maps: a larger one would guide the upsampling, which the rivals
+    have nothing for.
+    """
     disparity, confidence = network_maps(width, height)
-    image = np.ascontiguousarray(tissue_picture(width, height, 5).transpose(2, 0, 1))
+    seen = tissue_picture(width // STRIDE, height // STRIDE, 5)
+    seen[: height // STRIDE // 4, : width // STRIDE // 4] = 255  # glare
+    image = np.ascontiguousarray(seen.transpose(2, 0, 1))
     valid = np.ones((height, width), np.uint8)
     focal, baseline = 0.83 * width, 4.5
     ours = {name: np.zeros((height, width), np.float32) for name in ("disparity", "confidence", "depth", "sigma")}
@@ -110,6 +116,7 @@ def map_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], No
         outputs = ours["disparity"], ours["confidence"], ours["reasons"]
         inputs = disparity, confidence, 1 / STRIDE, 1 / STRIDE, float(STRIDE)
         geometry = {"focal_px": focal, "baseline_mm": baseline, "max_depth_mm": MAX_DEPTH_MM}
+        geometry |= {"image_scale_y": 1 / STRIDE, "image_scale_x": 1 / STRIDE}
         masks = image, valid, valid, MIN_CONFIDENCE
         _core.postprocess(*inputs, *outputs, *masks, out_depth=ours["depth"], out_sigma=ours["sigma"], **geometry)
 
@@ -126,7 +133,8 @@ def map_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], No
         reasons |= (cover < match - 1).astype(np.uint8) << 1
         reasons |= outside.astype(np.uint8) << 2
         reasons |= (~((d > 0) & (z <= MAX_DEPTH_MM))).astype(np.uint8) << 3
-        reasons |= (image.min(axis=0) >= 250).astype(np.uint8) << 4
+        glare = (image.min(axis=0) >= 250).astype(np.uint8)
+        reasons |= cv2.resize(glare, (width, height), interpolation=cv2.INTER_NEAREST_EXACT) << 4
         z[reasons != 0] = np.nan
         scale = -np.log1p(-np.clip(c, 1e-6, 1 - 1e-6))
         sigma = z * z * np.float32(STRIDE * np.sqrt(2) / (focal * baseline)) / scale
