@@ -94,6 +94,7 @@ int main(int argc, char** argv) {
   const endo_calibration rig = raw_rig(width, height);
   CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
   Bare bare(at, rig, {width, height}, threads);
+  set_thread_count(threads);  // of the parts' kernels; the estimator's are its own
   const Pair pair(width, height, 9);
   Output ours(pixels, true);
   ours.result.disparity_u16 = ours.result.depth_u16 = nullptr;  // more than the parts do
