@@ -101,6 +101,7 @@ def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done,
             )
     finally:
         ray.shutdown()
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["batch.json", "pairs"]
     expected = contents(done / "pairs" / NAMES[0])
     expected.pop("result.json")  # it has the names
     for number in range(200):

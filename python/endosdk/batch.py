@@ -84,12 +84,14 @@ def run_batch(
         "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
         "calibration_sha256": None if settings.calibration is None else settings.calibration.sha256,
         "network_size": None if settings.network_size is None else list(settings.network_size),
+        "provider": settings.provider,
     }
     job = _Job(Path(out).resolve(), settings, model.sha256)
     _claim(job.out, described)
     failed = _compute(job, [pair for pair in pairs if not job.folder(pair).is_dir()], workers, ray)
     counts = Counter(_status(job.folder(pair)) for pair in pairs if pair.name not in failed)
     record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
+    _sweep(job.out)
     _write_record(job.out, record)
     return record
 
@@ -118,16 +120,26 @@ def _claim(out: Path, described: dict[str, Any]) -> None:
         out.mkdir(parents=True, exist_ok=True)
         if (out / RECORD).exists():
             if _begun(out / RECORD) != described:
-                raise InvalidArgument("out", "must be new, or hold a batch of the same model, rig and size", out)
+                raise InvalidArgument(
+                    "out", "must be new, or hold a batch of the same model, rig and size, by the same provider", out
+                )
         elif any(out.iterdir()):
             raise InvalidArgument("out", "must be an empty or new folder, or a batch begun by this command", out)
         else:
             _write_record(out, {"format_version": FORMAT_VERSION, "settings": described})
         (out / PAIRS).mkdir(exist_ok=True)
+        _sweep(out)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+
+
+def _sweep(out: Path) -> None:
+    """Remove what workers left that were killed while they wrote."""
+    try:
         for left_over in out.glob(".partial-*"):
             shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
     except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+        raise StorageFailed("out", "what killed workers left must be removable", f"{out}: {error}") from error
 
 
 def _begun(path: Path) -> Any:
