@@ -17,7 +17,8 @@ from endosdk.training.train import train
 def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     common = ["--network", "fast", "--crop", "64", "128", "--batch", "1", "--held-out", "1", "--max-disparity", "48"]
-    assert main(["train", "--data", str(dataset_root), "--out", str(run), "--steps", "2", *common]) == 0
+    begin = ["train", "--data", str(dataset_root), "--out", str(run), "--steps", "2", "--usual-width", "160"]
+    assert main([*begin, *common]) == 0
     assert main(["train", "--out", str(run), "--resume", "--steps", "3"]) == 0
     capsys.readouterr()
     weights = tmp_path / "kept.safetensors"
@@ -36,7 +37,7 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     metadata = ort.InferenceSession(model).get_modelmeta().custom_metadata_map
     assert (metadata["endosdk.name"], metadata["endosdk.version"]) == ("trial", "7")
     assert json.loads(metadata["endosdk.training"]) == report["training"]
-    assert metadata["endosdk.max_disparity"] == "48"
+    assert (metadata["endosdk.max_disparity"], metadata["endosdk.usual_width"]) == ("48", "160")
     assert str(tmp_path) not in metadata["endosdk.training"]
 
     # Weights alone can be exported where a set to score them on is given.

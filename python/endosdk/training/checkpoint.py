@@ -34,8 +34,7 @@ class Checkpoint:
 
     def build(self) -> StereoNetwork:
         """Build the network that was saved, in evaluation mode."""
-        network = build_network(self.config.network, self.config.max_disparity)
-        network.answer_in_cells(self.config.answer_cell)
+        network = configured_network(self.config)
         self.load_into(network)
         return network.eval()
 
@@ -49,6 +48,13 @@ class Checkpoint:
             rule = f"must hold the weights of {self.config.network} as this release builds it"
             raise InvalidArgument("checkpoint", rule, f"{len(differing)} that differ, such as {differing[0]}")
         network.load_state_dict(self.network)
+
+
+def configured_network(config: TrainConfig) -> StereoNetwork:
+    """Build the network that a run is about, with random weights."""
+    return build_network(
+        config.network, config.max_disparity, answer_cell=config.answer_cell, usual_width=config.usual_width
+    )
 
 
 def save(

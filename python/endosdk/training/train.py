@@ -32,7 +32,6 @@ from endosdk.training.data import Crops, has_truth
 from endosdk.training.evaluate import mean_errors
 from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
-from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Prediction, Window
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.upsampling import on_input_grid
@@ -67,8 +66,7 @@ class Run:
             keep_freed_memory()
         # Before the data, which takes its time to open: a wrong name or range is told at once.
         torch.manual_seed(config.seed)
-        self.network = build_network(config.network, config.max_disparity)
-        self.network.answer_in_cells(config.answer_cell)
+        self.network = checkpoint.configured_network(config)
         self.crop = config.crop or self.network.usual_crop
         # The checkpoint says what was done, whatever may be usual one day.
         self.config = replace(config, crop=self.crop)
@@ -105,7 +103,7 @@ class Run:
         # Only a start may be a shipped name: a run's own folder may be called the same.
         saved = checkpoint.load(self.out if resume else checkpoint.starting_point(str(self.config.init_from)))
         # No weight depends on how many planes are searched: a run may start from one of another range.
-        fixed = ("network", "max_disparity") if resume else ("network",)
+        fixed = ("network", "max_disparity", "usual_width") if resume else ("network",)
         for name in fixed:
             if getattr(saved.config, name) != getattr(self.config, name):
                 raise InvalidArgument(

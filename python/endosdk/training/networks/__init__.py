@@ -22,8 +22,18 @@ NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
 }
 
 
-def build_network(name: str, max_disparity: int = 72) -> StereoNetwork:
-    """Build the named network with random weights; ``max_disparity`` in px at the input width."""
+def build_network(
+    name: str, max_disparity: int = 72, *, answer_cell: int = 1, usual_width: int | None = None
+) -> StereoNetwork:
+    """Build the named network with random weights.
+
+    ``max_disparity`` in px at the input width; ``answer_cell`` as in `StereoNetwork.answer_in_cells`; ``usual_width``
+    in px, at which frames are to be seen, by default the one that the network is made for.
+    """
     if name not in NETWORKS:
         raise InvalidArgument("network", f"must be one of {', '.join(sorted(NETWORKS))}", name)
-    return NETWORKS[name](max_disparity=max_disparity)
+    network = NETWORKS[name](max_disparity=max_disparity)
+    network.answer_in_cells(answer_cell)
+    if usual_width is not None:
+        network.usual_width = usual_width
+    return network
