@@ -300,7 +300,7 @@ void bind_settings(py::module_& m) {
   m.def("isa", [] { return std::string(kernels().name); }, "Instruction set in use: avx512, avx2 or plain.");
   m.def("set_isa", [](const std::string& name) { choose_kernels(name.c_str()); }, py::arg("name"),
         "Use another instruction set, for tests and diagnostics.");
-  m.def("has_integer_units", &has_integer_units, "Whether this processor has instructions for 8-bit networks (VNNI).");
+  m.def("has_integer_units", &has_integer_units, "Whether this processor has vector instructions for 8-bit networks (AVX2).");
   m.def("default_threads", &default_thread_count, "Cores that this process may use, but at most 8.");
   m.def("threads", &thread_count, "Threads that kernels called from this thread may use.");
   m.def("set_threads", &set_thread_count, py::arg("n"), "Set that number for the calling thread, 1 to 256.");

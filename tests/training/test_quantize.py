@@ -6,10 +6,11 @@ import numpy as np
 import onnx
 import onnxruntime as ort
 import pytest
+from onnx import numpy_helper
 
 from endosdk.errors import InvalidArgument
-from endosdk.models import parse_metadata
-from endosdk.training.quantize import describe_quantised, quantize_model
+from endosdk.models import parse_metadata, shipped_models
+from endosdk.training.quantize import describe_quantised, quantize_model, unsaturated_steps
 from tests.training.test_frame_size import OneFrame
 from tests.training.warped_scenes import warped_pair
 
@@ -45,12 +46,35 @@ def kinds(path):
     return [node.op_type for node in onnx.load(path).graph.node]
 
 
-def run(path):
+def run(path, pair=None, level=ort.GraphOptimizationLevel.ORT_ENABLE_ALL):
     left, right = (
-        np.ascontiguousarray(view[:, ::2].transpose(2, 0, 1))[None] for view in warped_pair(9, (48, 192))[:2]
+        np.ascontiguousarray(view[:, ::2].transpose(2, 0, 1))[None] for view in pair or warped_pair(9, (48, 192))[:2]
     )
-    session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
+    options = ort.SessionOptions()
+    options.graph_optimization_level = level
+    session = ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     return session.run(["disparity", "confidence"], {"left": left, "right": right})
+
+
+def integer_weights(path):
+    """Weights of 8 bits, one row for each output, in the order in which runtimes take them."""
+    graph = onnx.load(path).graph
+    makers = {name: node for node in graph.node for name in node.output}
+    values = {weight.name: numpy_helper.to_array(weight) for weight in graph.initializer}
+    for node in graph.node:
+        weight = makers.get(node.input[1]) if node.op_type in ("Conv", "MatMul") else None
+        if weight is not None and weight.op_type == "DequantizeLinear":
+            found = values[weight.input[0]].astype(int)
+            rows = np.moveaxis(found, 1, -1) if node.op_type == "Conv" else found.T
+            yield rows.reshape(len(rows), -1)
+
+
+def largest_pair_sums(rows):
+    """What two neighbours with the largest inputs can come to, in 255ths; the slow way."""
+    for row in rows:
+        for first, second in zip(row[::2], [*row[1::2], 0], strict=False):
+            yield max(first, 0) + max(second, 0)
+            yield -min(first, 0) - min(second, 0)
 
 
 def test_the_answers_stay_close(files):
@@ -83,6 +107,38 @@ def test_wide_layers_are_integers_and_the_answer_is_float(files):
     # Nothing after the last float layer passes through 8 bits.
     assert makers[graph.output[0].name].op_type == "Relu"
     assert makers[makers[graph.output[0].name].input[0]].op_type == "Add"
+
+
+@pytest.mark.parametrize("name", ["fresh", "fast"])
+def test_no_sum_of_two_products_leaves_16_bits(files, name):
+    """A processor without VNNI adds two products of a byte and a weight in 16 bits, and stops at their end."""
+    layers = list(integer_weights(files.quantised if name == "fresh" else shipped_models()[name]))
+    assert len(layers) == 20
+    assert max(255 * total for rows in layers for total in largest_pair_sums(rows)) <= 32767
+
+
+def test_bright_pictures_are_computed_as_in_floats(files):
+    """Where sums saturate, it shows at the largest inputs: white glare. A runtime that may not fuse computes floats."""
+    left, right = (np.where(view > 90, 255, 0).astype(np.uint8) for view in warped_pair(9, (48, 192))[:2])
+    assert 0.3 < (left == 255).mean() < 0.9
+    integers = run(files.quantised, (left, right))
+    floats = run(files.quantised, (left, right), ort.GraphOptimizationLevel.ORT_DISABLE_ALL)
+    assert np.abs(integers[0] - floats[0]).mean() < 0.004 * floats[0].mean()
+
+
+@pytest.mark.parametrize("count", [2, 7, 288])
+def test_steps_are_no_larger_than_pairs_ask_for(count):
+    weights = np.random.default_rng(count).standard_normal((40, count)).astype(np.float32)
+    weights[0] = 0
+    weights[1, :2] = 1, -1  # of two signs: nothing to add
+    weights[1, 2:] *= 0.01
+    steps = unsaturated_steps(weights)
+    rounded = np.rint(weights / steps[:, None])
+    sums = np.array(list(largest_pair_sums(rounded))).reshape(40, -1).max(axis=1)
+    assert sums.max() <= 128
+    assert (sums[1:] >= 126).all()
+    assert (steps > 0).all()
+    np.testing.assert_allclose(steps[1], 1 / 127)
 
 
 def test_the_picture_is_read_as_bytes(files):

@@ -7,10 +7,6 @@
 #include "../errors.hpp"
 #include "sets.hpp"
 
-#ifdef ENDOSDK_X86_KERNELS
-#include <cpuid.h>
-#endif
-
 namespace endosdk {
 namespace {
 
@@ -25,11 +21,6 @@ bool runs_avx2() { return __builtin_cpu_supports("avx2"); }
 bool runs_avx512() {
   return runs_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
-}
-// Compilers learned this name later than the others, so the processor is asked: leaf 7, sub-leaf 1, bit 4 of EAX.
-bool has_avx_vnni() {
-  unsigned eax = 0, ebx = 0, ecx = 0, edx = 0;
-  return runs_avx2() && __get_cpuid_count(7, 1, &eax, &ebx, &ecx, &edx) != 0 && (eax >> 4 & 1U) != 0;
 }
 #endif
 
@@ -65,7 +56,7 @@ const Kernels& kernels() { return *chosen().load(std::memory_order_relaxed); }
 
 bool has_integer_units() {
 #ifdef ENDOSDK_X86_KERNELS
-  return __builtin_cpu_supports("avx512vnni") || has_avx_vnni();
+  return runs_avx2();
 #else
   return false;
 #endif

@@ -109,8 +109,8 @@ struct Kernels {
 // The set in use: the best this processor has, unless another was chosen.
 const Kernels& kernels();
 
-// Whether this processor multiplies and adds 8-bit integers in one instruction (VNNI). Without it, networks of 8-bit
-// integers are slower than those of floats, and in some runtimes less exact.
+// Whether this processor has vector instructions for 8-bit integers (AVX2 or later). Without them, networks of 8-bit
+// integers are slower than those of floats.
 bool has_integer_units();
 
 // Chooses a set by name; refuses one that this processor cannot run.

@@ -1,9 +1,9 @@
 """From an exported float model to one that computes its wide layers in 8-bit integers.
 
-Static quantisation in the QDQ form of ONNX: weights signed per channel, activations unsigned per tensor with ranges
-measured on rendered frames. The costs are products of 8-bit numbers, and floats from there on: the softmax, the
-soft-argmin, every enlargement, thin convolutions (the correction) and the confidence would lose accuracy by 8 bits and
-save no time.
+Static quantisation in the QDQ form of ONNX: weights signed per channel, so small that sums of products saturate on no
+processor; activations unsigned per tensor, with ranges measured on rendered frames. The costs are products of 8-bit
+numbers, and floats from there on: the softmax, the soft-argmin, every enlargement, thin convolutions (the correction)
+and the confidence would lose accuracy by 8 bits and save no time.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ from endosdk.training.model_file import write_model
 WIDE = 16  # channels from which a convolution fills the integer units
 # Operators that only move values, between a convolution and the addition or the product that reads its result.
 MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose", "Gather")
+# Without VNNI a processor multiplies two neighbouring values by their weights and adds the products in 16 bits, which
+# hold 255 times 128. One less, because either weight may be rounded up.
+PAIR_SUM = 127
 PREFIX = "endosdk."
 
 Names = dict[str, onnx.NodeProto]
@@ -57,7 +60,11 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
             calibrate_method=CalibrationMethod.MinMax,
             nodes_to_quantize=wide,
             op_types_to_quantize=["Conv", "MatMul", "Relu", "Add", "Concat", "Slice"],
-            extra_options={"CalibMovingAverage": True, "OpTypesToExcludeOutputQuantization": ["MatMul"]},
+            extra_options={
+                "CalibMovingAverage": True,
+                "OpTypesToExcludeOutputQuantization": ["MatMul"],
+                "TensorQuantOverrides": _weight_steps(model.graph, wide),
+            },
         )
         quantised = onnx.load(draft)
     read_bytes_directly(quantised.graph)
@@ -126,6 +133,40 @@ def _wide_nodes(graph: onnx.GraphProto) -> list[str]:
             if any(source in chosen for name in node.input for source in _sources(name, makers)):
                 chosen.add(node.name)
     return [node.name for node in graph.node if node.name in chosen]
+
+
+def _weight_steps(graph: onnx.GraphProto, nodes: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
+    """Choose the steps of all weights to quantise, in the quantiser's form, by `unsaturated_steps`.
+
+    Those of convolutions have one for each output channel; runtimes multiply matrices by weights of a single step.
+    """
+    weights = {weight.name: weight for weight in graph.initializer}
+    chosen: dict[str, list[dict[str, Any]]] = {}
+    for node in graph.node:
+        if node.name not in nodes or node.op_type not in ("Conv", "MatMul") or node.input[1] not in weights:
+            continue
+        values = numpy_helper.to_array(weights[node.input[1]])
+        if node.op_type == "Conv":
+            # Runtimes take the values under a kernel cell by cell, all channels of a cell together.
+            steps, place = unsaturated_steps(np.moveaxis(values, 1, -1)), {"axis": 0}
+        else:
+            steps, place = unsaturated_steps(values.T).max(keepdims=True), {}
+        chosen[node.input[1]] = [{"scale": step, "zero_point": np.array(0, np.int8)} for step in steps]
+        chosen[node.input[1]][0] |= place
+    return chosen
+
+
+def unsaturated_steps(weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Choose the 8-bit step of each row of weights [rows, ...] so that no sum of two products exceeds 16 bits.
+
+    A step is at least a 127th of the largest weight, and so large that of every two weights that a processor without
+    VNNI multiplies together, those of one sign come to at most 128 steps.
+    """
+    rows = weights.reshape(len(weights), -1)
+    pairs = np.pad(rows, ((0, 0), (0, rows.shape[1] % 2))).reshape(len(rows), -1, 2)
+    sums = [np.maximum(sign * pairs, 0).sum(axis=2).max(axis=1) for sign in (1, -1)]
+    largest = np.maximum(*sums) / PAIR_SUM  # no weight exceeds the sum of its pair
+    return np.where(largest > 0, largest, 1).astype(np.float32)
 
 
 def _sources(name: str, makers: Names) -> set[str | None]:
