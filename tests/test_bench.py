@@ -95,7 +95,7 @@ def test_record_has_every_key(tmp_path):
     assert 0 < record["epe_px"] < 3
     assert record["against"]["sgbm"]["fps"] > 0
     assert record["against"]["sgbm"]["epe_px"] > 0
-    assert {"cpu", "threads", "versions", "commit"} <= set(record["machine"])
+    assert {"cpu", "instructions", "threads", "versions", "commit"} <= set(record["machine"])
 
 
 def test_every_frame_is_timed_whatever_their_number(monkeypatch):

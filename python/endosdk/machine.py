@@ -12,12 +12,15 @@ from typing import Any
 
 # Packages whose version can change a measured number.
 PACKAGES = ("endosdk", "numpy", "opencv-python-headless", "onnxruntime", "onnxruntime-gpu", "torch")
+# Instruction sets, as Linux names them, that decide how fast networks run; virtual machines hide the model's name.
+INSTRUCTIONS = ("avx2", "avx512f", "avx_vnni", "avx512_vnni", "avx512_bf16", "amx_int8", "asimddp", "i8mm")
 
 
 def machine_record() -> dict[str, Any]:
-    """Return cpu, threads, os, versions, commit and date as JSON-ready values."""
+    """Return cpu, instructions, threads, os, versions, commit and date as JSON-ready values."""
     return {
         "cpu": cpu_name(),
+        "instructions": instructions(),
         "threads": available_threads(),
         "os": f"{platform.system()} {platform.release()} {platform.machine()}",
         "versions": versions(),
@@ -28,12 +31,23 @@ def machine_record() -> dict[str, Any]:
 
 def cpu_name() -> str:
     """Return the processor's marketing name where the system tells it."""
+    return _cpu_info("model name") or platform.processor() or platform.machine()
+
+
+def instructions() -> list[str]:
+    """Return those of `INSTRUCTIONS` that the processor has, where the system tells it."""
+    found = (_cpu_info("flags") or _cpu_info("Features")).split()
+    return [name for name in INSTRUCTIONS if name in found]
+
+
+def _cpu_info(key: str) -> str:
+    """Return the first value of a key in Linux's description of the processor; empty where there is none."""
     info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    for line in info.read_text().splitlines() if info.is_file() else ():
+        name, _, value = line.partition(":")
+        if name.strip() == key:
+            return value.strip()
+    return ""
 
 
 def available_threads() -> int:
