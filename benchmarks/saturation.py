@@ -1,0 +1,89 @@
+"""How far a processor's 8-bit integers lead from the same model in floats, on pictures as they are and brightened.
+
+    python -m benchmarks.saturation --data DIR --models fast before=old.onnx --json benchmarks/results/saturation.json
+
+Processors without VNNI add two products in 16 bits and stop at their end, which shows at large inputs. A runtime that
+may not fuse the layers computes the very same model in floats, where nothing stops. What is left on a model that cannot
+saturate is rounding at the steps of 8 bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from benchmarks.record import machine_record
+from endosdk.dataset_layouts import open_dataset
+from endosdk.models import read_model
+from endosdk.training.frame_size import reduced_view, reduction
+
+GAINS = (1.0, 2.5)
+
+Feed = dict[str, NDArray[np.uint8]]
+
+
+def session(model: bytes, *, fused: bool) -> ort.InferenceSession:
+    """Open a model in 8-bit integers or, not ``fused``, in floats between every two layers."""
+    options = ort.SessionOptions()
+    options.log_severity_level = 3
+    levels = ort.GraphOptimizationLevel
+    options.graph_optimization_level = levels.ORT_ENABLE_ALL if fused else levels.ORT_DISABLE_ALL
+    return ort.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+
+def brightened(view: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
+    """Multiply grey levels; what exceeds the largest is white, as in glare."""
+    return np.clip(view * gain, 0, 255).astype(np.uint8)
+
+
+def differences(model: bytes, pairs: list[Feed], gain: float) -> dict[str, float]:
+    """Mean and 99th percentile, px at the network's width, of how far the two ways to compute are apart."""
+    integers, floats = (session(model, fused=fused) for fused in (True, False))
+    feeds = [{name: brightened(view, gain) for name, view in pair.items()} for pair in pairs]
+    apart = np.abs([integers.run(["disparity"], feed)[0] - floats.run(["disparity"], feed)[0] for feed in feeds])
+    white = float(np.mean([(view == 255).mean() for feed in feeds for view in feed.values()]))
+    return {"white": white, "mean_px": float(apart.mean()), "p99_px": float(np.quantile(apart, 0.99))}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
+    parser.add_argument("--pairs", type=int, default=20, help="first so many pairs of the test split")
+    parser.add_argument("--models", nargs="+", required=True, metavar="NAME[=FILE]")
+    parser.add_argument("--json", type=Path, required=True)
+    args = parser.parse_args()
+    reader = open_dataset(args.data, "test")
+    models: dict[str, Any] = {}
+    for entry in args.models:
+        name, _, path = entry.partition("=")
+        file = read_model(path or name)
+        metadata = session(file.data, fused=True).get_modelmeta().custom_metadata_map
+        pairs: list[Feed] = []
+        for index in tqdm(range(args.pairs), desc=name, unit="pair"):
+            sample = reader[index]
+            factor = reduction(sample.left.shape[1], int(metadata["endosdk.usual_width"]))
+            views = {"left": sample.left, "right": sample.right}
+            pairs.append({key: reduced_view(view, factor).transpose(2, 0, 1)[None] for key, view in views.items()})
+        by_gain = {f"{gain:g}": differences(file.data, pairs, gain) for gain in GAINS}
+        models[name] = {"sha256": file.sha256, "version": metadata["endosdk.version"], "by_gain": by_gain}
+        for gain, found in by_gain.items():
+            print(f"{name:10} grey levels x {gain:4} mean {found['mean_px']:.3f} px, p99 {found['p99_px']:.3f} px")
+    record = {
+        "command": f"python -m benchmarks.saturation --data {reader.name} --pairs {args.pairs} "
+        f"--models {' '.join(models)}",
+        "dataset": {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256},
+        "models": models,
+        "machine": machine_record(),
+    }
+    args.json.write_text(json.dumps(record, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
