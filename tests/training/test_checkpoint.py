@@ -82,7 +82,7 @@ def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path
     assert all(torch.equal(value, network.state_dict()[name]) for name, value in kept.network.items())
 
 
-@pytest.mark.parametrize(("name", "model"), [("fast", "fast-fp32"), ("wang2020", "wang2020")])
+@pytest.mark.parametrize(("name", "model"), [("fast", "fast-fp32"), ("fast-320", "fast-320-fp32"), ("wang2020", "wang2020")])
 def test_shipped_weights_are_those_of_the_shipped_model(name, model):
     sample = DatasetReader(PATH_TRACED, "test")[0]
     network = checkpoint.load(checkpoint.starting_point(name)).build()
