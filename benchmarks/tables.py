@@ -29,7 +29,7 @@ DOCUMENTS = (
     "docs/datasets/endosim-gi.md",
     "docs/model-file.md",
 )
-PLACE = re.compile(r"(<!-- table: ([a-z-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 METHODS = {
     "fast": "**fast** (8-bit)",
