@@ -28,4 +28,4 @@ def dataset_root(tmp_path_factory):
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("models")
-    return {name: export_into(folder, name) for name in ("fast", "wang2020")}
+    return {name: export_into(folder, name) for name in ("fast", "wang2020", "wang2020-photometric")}

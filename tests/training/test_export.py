@@ -17,7 +17,7 @@ from tests.training.exported_networks import shaken
 from tests.training.warped_scenes import constant_pair, warped_pair
 
 
-@pytest.fixture(params=["fast", "wang2020"])
+@pytest.fixture(params=["fast", "wang2020", "wang2020-photometric"])
 def model(request, exported):
     return exported[request.param]
 
@@ -49,7 +49,7 @@ def test_the_file_describes_itself(model):
         "channel_order": "rgb",
         "license": "Apache-2.0",
         "training": '{"recipe":"none"}',
-        "last_plane": {"wang2020": "32", "fast": "36"}[info.name],
+        "last_plane": {"wang2020": "32", "fast": "36"}[network.name],
         **({} if network.usual_width is None else {"usual_width": str(network.usual_width)}),
     }
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected

@@ -15,7 +15,7 @@ class Models(NamedTuple):
     half: onnx.ModelProto
 
 
-@pytest.fixture(scope="module", params=["fast", "wang2020"])
+@pytest.fixture(scope="module", params=["fast", "wang2020", "wang2020-photometric"])
 def models(request, exported):
     file = exported[request.param].path
     return Models(file, halved(onnx.load(file)))

@@ -4,6 +4,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from endosdk.errors import InvalidArgument
+from endosdk.training.data import planar
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
 from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
@@ -15,11 +16,13 @@ from endosdk.training.networks.cost_volume import (
 )
 from endosdk.training.networks.fast import DifferenceVolume
 from endosdk.training.networks.fast_export import ByteRows, PairedVolume, over_byte_rows
+from endosdk.training.networks.photometric import LIKELY_STEP
 from endosdk.training.networks.wang2020_export import PlaneAggregation, in_blocks
 from tests.training.exported_networks import shaken
+from tests.training.warped_scenes import warped_pair
 
 # By name, not all that is known: benchmarks add rivals to the list, which promise less.
-OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020")
+OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020", "wang2020-photometric")
 
 
 def views(height=64, width=128, pairs=2, seed=0):
@@ -44,6 +47,18 @@ def test_wang2020_has_the_layers_of_the_paper():
     assert len(convolutions(network)) == 23
     assert [layer.dilation[0] for layer in convolutions(network.refinement)] == [1, 1, 2, 4, 8, 1, 1, 1]
     assert [layer.stride[0] for layer in convolutions(network.down)] == [2, 2, 2]
+
+
+def test_the_pictures_correct_the_coarse_map_of_the_same_network():
+    plain, corrected = (shaken(build_network(name, 40)) for name in ("wang2020", "wang2020-photometric"))
+    corrected.load_state_dict(plain.state_dict())
+    left, right, _ = warped_pair(5, (64, 128))
+    views = [planar(view)[None].float() for view in (left, right)]
+    with torch.no_grad():
+        rough, better = plain.coarse(*views), corrected.coarse(*views)
+    moved = (better.disparity - rough.disparity).abs()
+    assert 0.01 < moved.mean() and moved.max() <= LIKELY_STEP
+    assert torch.equal(rough.evidence, better.evidence)
 
 
 def test_fast_is_small():

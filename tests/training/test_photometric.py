@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from endosdk.training.networks import photometric
-from endosdk.training.networks.photometric import brightness, moments, step
+from endosdk.training.networks.photometric import brightness, likely_step, moments, step
 
 HEIGHT, WIDTH = 64, 96
 
@@ -91,3 +91,43 @@ def test_the_step_is_bounded_and_damped():
     assert step(means(0.0, 0.0, -1e6, 1.0, 1.0), 1).step.max() == photometric.LARGEST_STEP
     damped = step(means(0.0, 0.0, -0.1 * photometric.DAMPING, photometric.DAMPING, 1.0), 1).step
     torch.testing.assert_close(damped, torch.full((1, 1, 3, 3), 0.05))
+
+
+def likely(left, right, disparity):
+    """Likely step [H/8, W/8] on cells of 8 px, for a disparity that is the same everywhere, away from the border."""
+    guess = torch.full((1, 1, HEIGHT // 8, WIDTH // 8), float(disparity))
+    return likely_step(moments(brightness(left), brightness(right), guess, 8))[0, 0, 1:-1, 3:-2]
+
+
+@pytest.mark.parametrize("lacking", [-0.4, -0.1, 0.0, 0.2, 0.45])
+def test_the_likely_step_is_what_the_disparity_lacks(lacking):
+    found = likely(waves(0.0), waves(9.0), 9.0 - lacking)
+    assert (found - lacking).abs().max() < 0.03 + 0.15 * abs(lacking)
+
+
+def test_of_views_that_say_little_no_step_is_likely():
+    clear = likely(waves(0.0), waves(9.0), 8.7)
+    other = likely(waves(0.0), waves(9.0, seed=1), 8.7)
+    noise = torch.randn(2, 1, 3, HEIGHT, WIDTH, generator=torch.Generator().manual_seed(0))
+    faint = [90.0 + 0.02 * (view - 128.0) + noise[i] for i, view in enumerate((waves(0.0), waves(9.0)))]
+    assert clear.mean() > 0.27
+    assert other.abs().mean() < 0.15
+    assert likely(*faint, 8.7).abs().max() < 0.05
+
+
+def test_the_likely_step_equals_slow_arithmetic():
+    rng = np.random.default_rng(2)
+    values = rng.uniform(-1, 1, (5, 4, 6))
+    values[3:] = values[:2] ** 2 + rng.uniform(0, 1, (2, 4, 6))  # squares whose variances are not negative
+    solved = np.zeros((4, 6))
+    for y in range(4):
+        for x in range(6):
+            slope, difference, product, slope_square, difference_square = values[:, y, x]
+            covariance = slope * difference - product
+            noise = difference_square - difference**2 + photometric.QUIET
+            solved[y, x] = covariance / (slope_square - slope**2 + photometric.DOUBT * noise)
+    solved = np.pad(solved.clip(-photometric.LIKELY_STEP, photometric.LIKELY_STEP), 1, mode="edge")
+    weights = np.outer([1, 2, 1], [1, 2, 1]) / 16
+    wanted = [[(solved[y : y + 3, x : x + 3] * weights).sum() for x in range(6)] for y in range(4)]
+    assert np.abs(solved).max() == photometric.LIKELY_STEP and np.abs(solved).min() < 0.1
+    np.testing.assert_allclose(likely_step(torch.from_numpy(values)[None])[0, 0].numpy(), wanted, atol=1e-12)

@@ -38,7 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", help="root of the data set")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint, log.csv, log.json")
     parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
-    parser.add_argument("--network", help="wang2020 or fast")
+    parser.add_argument("--network", help="wang2020, wang2020-photometric or fast")
     parser.add_argument(
         "--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px (default: the network's own)"
     )

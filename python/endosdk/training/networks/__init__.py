@@ -19,6 +19,7 @@ NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
     "fast-deep": partial(Fast, shape=Shape(layers=4, wide_layers=0)),
     "fast-wide": partial(Fast, shape=Shape(stem=48, volume=32, refine=48, wide_layers=0)),
     "wang2020": Wang2020,
+    "wang2020-photometric": partial(Wang2020, photometric=True),
 }
 
 

@@ -6,6 +6,9 @@ from the left one, the difference divided by the slope of the picture is what d 
 "An iterative image registration technique", IJCAI 1981). The mean difference within a window is taken out first, so
 that two cameras of unlike brightness agree.
 
+Two uses of it are here. `step` solves within windows and leaves it to a network to say where it is to be believed;
+`likely_step` needs no network: it shrinks every step by how well the pictures determine it.
+
 All sums are taken on pairs of rows, which halves the work; brightness is in units of 64 grey levels, so that its
 squares fit into 16-bit floats.
 """
@@ -24,6 +27,8 @@ DAMPING = 2.0 / UNIT**2  # squared slope below which a window says nothing
 LARGEST_STEP = 2.0  # px; the picture is not linear over more
 QUIET = 1.0 / UNIT**2  # added under logarithms: noise of one grey level
 LOG_UNIT = 4.0  # brings logarithms to the spread of the other channels
+DOUBT = 0.4  # 1/px^2, of `likely_step`: one over the variance of what a disparity lacks, times the samples of a cell
+LIKELY_STEP = 0.5  # px; more is seldom lacking, and rarely right
 
 
 class Step(NamedTuple):
@@ -86,3 +91,22 @@ def step(means: Tensor, window: int) -> Step:
     solved = (slope * difference - product) / (variance[:, :1] + DAMPING)
     spread = torch.log(variance + QUIET) / LOG_UNIT
     return Step(solved.clamp(-LARGEST_STEP, LARGEST_STEP), spread)
+
+
+def likely_step(means: Tensor) -> Tensor:
+    """Give the step that is likely for every cell, [N, 1, h, w], px, to be added to a disparity that is nearly right.
+
+    Where what the disparity lacks and what else differs between the views are both normal, the likeliest step is that
+    of least squares with a damping in proportion to the variance of the difference: little texture or much noise,
+    little step. Cells are solved one by one, so that a highlight spoils no other, and then averaged over their
+    neighbours, because what a smooth surface lacks is much the same next door.
+
+    ``means`` [N, 5, h, w] are those of `moments`, in cells of the size at which the disparity was matched.
+    """
+    first, product, second = torch.split(means, [2, 1, 2], dim=1)
+    slope, difference = torch.split(first, 1, dim=1)
+    texture, mismatch = torch.split((second - first * first).clamp_min(0.0), 1, dim=1)
+    solved = (slope * difference - product) / (texture + DOUBT * (mismatch + QUIET))
+    # Twice a mean of 2 x 2: weights 1, 2, 1 along both axes.
+    framed = F.pad(solved.clamp(-LIKELY_STEP, LIKELY_STEP), (1, 1, 1, 1), mode="replicate")
+    return F.avg_pool2d(F.avg_pool2d(framed, 2, 1), 2, 1)

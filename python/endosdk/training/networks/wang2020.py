@@ -11,6 +11,9 @@ the difference volume, eight that refine the upsampled map with the left view. W
 - pixels scaled to -2..2, and the disparity given to the refinement in cells of 8 px;
 - the third downsampling convolution is padded by one cell less above and left. A cell then lies where the bilinear
   upsampling puts it, within half a pixel; with even padding the coarse map would lie 3.5 px off the picture.
+
+The same network can be asked for a step more, which has no weights: between matching and refinement the pictures
+themselves correct the coarse map by a fraction of a pixel (`photometric.likely_step`).
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, ch
 from endosdk.training.networks.blocks import ConvNorm, scaled_colours
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import Aggregation, match_evidence, soft_argmin
+from endosdk.training.networks.photometric import brightness, likely_step, moments
 from endosdk.training.networks.wang2020_export import PlaneAggregation, in_blocks
 
 CELL = 8  # input pixels per cell of the coarse grid, and per disparity plane
@@ -42,9 +46,13 @@ class Wang2020(StereoNetwork):
     plane_step = CELL
     refine_margin = -(-(1 + sum(DILATIONS) + 1) // CELL) * CELL
 
-    def __init__(self, max_disparity: int = 72) -> None:
-        """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
+    def __init__(self, max_disparity: int = 72, photometric: bool = False) -> None:
+        """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8.
+
+        With ``photometric`` the pictures correct the coarse map; the weights are the same.
+        """
         super().__init__()
+        self.photometric = photometric
         self.max_disparity = check_max_disparity(max_disparity, CELL)
         self.down = nn.Sequential(
             ConvNorm(3, CHANNELS, kernel=5, stride=2, slope=SLOPE),
@@ -68,16 +76,25 @@ class Wang2020(StereoNetwork):
         self.confidence = ConfidenceHead(channels=3)
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
-        """Match at 1/8 and upsample to the input's size."""
+        """Match at 1/8, let the pictures correct the answer if asked to, and upsample to the input's size."""
         colours = scaled_colours(torch.cat([left, right]))
         # One pass over both views: shared weights, and batch norm sees the same statistics for left and right.
         views = self.features(self.down(colours))
         pairs = left.shape[0]
         found = soft_argmin(self.aggregation(views[:pairs], views[pairs:]))
         disparity = found.disparity * CELL
+        if self.photometric:
+            corrected = disparity + self.lacking(left, right, disparity.detach())
+            disparity = corrected.clamp(0.0, float(self.max_disparity - CELL))
         # The size is given, not the factor: the exporter can follow it for every height and width.
         upsampled = partial(F.interpolate, size=left.shape[-2:], mode="bilinear", align_corners=False)
         return Coarse(upsampled(disparity), upsampled(match_evidence(found, CELL)), colours[:pairs])
+
+    def lacking(self, left: Tensor, right: Tensor, disparity: Tensor) -> Tensor:
+        """Return what the pictures say that a coarse disparity [N, 1, H/8, W/8], px, still lacks."""
+        bright = brightness(torch.cat([left, right]))
+        pairs = left.shape[0]
+        return likely_step(moments(bright[:pairs], bright[pairs:], disparity, CELL))
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Add what the left view tells about edges, and rectify."""
