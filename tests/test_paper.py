@@ -11,7 +11,7 @@ import torch
 from benchmarks.methods.classical import classical_method, search_sgbm
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper import figures
+from benchmarks.paper import figures, tables
 from benchmarks.paper.__main__ import main
 from benchmarks.paper.experiments import BUDGETS, EXPERIMENTS, GROUPS, LABELS, PROTOCOL, unique_runs
 from benchmarks.paper.runs import config_gmacs
@@ -19,6 +19,7 @@ from benchmarks.paper.speed import speeds
 from benchmarks.paper.tables import Scores
 from endosdk.dataset_layouts import open_dataset
 from endosdk.errors import InvalidArgument
+from endosdk.machine import machine_record
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.parity import check_parity
@@ -82,6 +83,19 @@ def test_rows_of_fewer_pairs_do_not_join_a_table(done, tiny_set):
         with pytest.raises(InvalidArgument, match=f"must be 2, as in {file}; got 1"):
             main(["evaluate", *given, "--budget=gpu", "--only", name, "--pairs=1"])
     assert files == {name: (done / "results" / name).read_text() for name in files}
+
+
+def test_rows_that_stay_keep_the_machine_on_which_they_were_timed(tmp_path, tiny_set):
+    reader, file = open_dataset(tiny_set, "test"), tmp_path / "table.json"
+    scores = Scores(tmp_path / "scores.json", reader, None)
+    old = {"machine": {"cpu": "Old"}, "sha256": reader.sha256, "methods": {"bm": {"ms": 1.0}, "sgbm": {"ms": 2.0}}}
+    file.write_text(json.dumps(old))
+    tables.write_table(file, scores, {"bm": {"ms": 3.0}})
+    for _ in range(2):  # the second time the table is of this machine
+        rows = json.loads(file.read_text())["methods"]
+        assert rows["sgbm"]["timed_on"] == {"cpu": "Old", "instructions": None}
+        assert rows["bm"]["timed_on"]["instructions"] == machine_record()["instructions"]
+        tables.write_table(file, scores, {})
 
 
 def test_ablations_stand_in_their_own_table(done):

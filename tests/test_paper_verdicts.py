@@ -133,6 +133,10 @@ def test_rivals_are_judged_by_error_and_by_time():
     error = error_verdict("wang2020", "psmnet", rows, SPREAD)
     assert error.startswith(UNDECIDED) and "PSMNet stopped early, after 3600 of 12800 crops" in error
     assert time_verdict("psmnet", rows).startswith(HELD)
+    here, there = ({"cpu": "A", "instructions": known} for known in (["avx2"], None))
+    elsewhere = {name: {**row, "timed_on": there if name == "psmnet" else here} for name, row in rows.items()}
+    assert time_verdict("psmnet", elsewhere) == "**undecided**: they were timed on two machines"
+    assert time_verdict("anynet", elsewhere) == time_verdict("anynet", rows)
     rows["psmnet"]["epe"] = 0.3  # ahead in spite of less training
     assert error_verdict("wang2020", "psmnet", rows, SPREAD).startswith(FAILED)
     rows["wang2020-adam"] = {"epe": 0.2, "ms": 5.0, "complete": False, "samples_seen": 2, "samples_planned": 4}
@@ -188,6 +192,18 @@ def test_a_rival_that_only_a_smaller_table_has_is_judged_there(tmp_path):
     write_report(tmp_path, tmp_path)
     text = (tmp_path / "report.md").read_text()
     assert f"| {LABELS['anynet']} | 16 | " in text and f"| {LABELS['psmnet']} | 100 | " in text
+
+
+def test_rows_timed_on_another_machine_say_so(tmp_path):
+    table = json.loads((RESULTS / "table1.json").read_text())
+    for name, values in table["methods"].items():
+        values["timed_on"] = {"cpu": "Old", "instructions": None if name != "bm" else ["avx2", "amx_int8"]}
+    (tmp_path / "table1.json").write_text(json.dumps(table))
+    write_report(tmp_path, tmp_path)
+    text = (tmp_path / "report.md").read_text()
+    assert "Times on Old, 2 threads" in text
+    assert text.count("**timed on another machine**") == 1
+    assert len([line for line in text.splitlines() if line.endswith("machine**, Old (avx2, amx_int8) |")]) == 1
 
 
 def test_pixels_are_counted_with_and_without_occluded_ones(tmp_path):

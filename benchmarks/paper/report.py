@@ -89,20 +89,38 @@ def _table(title: str, table: dict[str, Any]) -> list[str]:
         f"| the paper's wang2020, on its own data | {PAPER_EPE_PX} | | | | 21.8 (GTX 1080) | | | 100 | | |",
     ]
     methods = table.get("methods", {})
+    usual = _usual_timing(methods)
     for name, label in LABELS.items():
         if name not in methods:
             lines.append(f"| {label} | {NOT_RUN} | | | | | | | | | |")
             continue
-        lines.append(_line(label, methods[name], _note(methods[name])))
+        notes = [_note(methods[name]), _timing_note(methods[name], usual)]
+        lines.append(_line(label, methods[name], "; ".join(filter(None, notes))))
         if "unfilled" in methods[name]:
             lines.append(_line(f"{label}, holes left open", methods[name]["unfilled"], ""))
-    machine = table.get("machine", {})
     load = table.get("load_while_timed")
     busy = "" if load is not None and load <= table["threads"] else "; taken with other work on the machine"
     if busy and load is not None:
         busy += f" (load {load:.1f}), so too long by factors that differ from row to row"
-    lines += ["", f"Times on {machine.get('cpu', 'no machine')}, {table.get('threads', 0)} threads{busy}.", ""]
+    where = _processor(usual) if usual else table.get("machine", {}).get("cpu", "no machine")
+    lines += ["", f"Times on {where}, {table.get('threads', 0)} threads{busy}.", ""]
     return [*lines, *_seen(methods)]
+
+
+def _usual_timing(methods: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the processor on which most rows were timed; None where no row says."""
+    known = [row["timed_on"] for row in methods.values() if "timed_on" in row]
+    return max(known, key=known.count) if known else None
+
+
+def _timing_note(row: dict[str, Any], usual: dict[str, Any] | None) -> str:
+    timed = row.get("timed_on")
+    return "" if timed is None or timed == usual else f"**timed on another machine**, {_processor(timed)}"
+
+
+def _processor(timed: dict[str, Any]) -> str:
+    known = timed["instructions"]
+    return timed["cpu"] if known is None else f"{timed['cpu']} ({', '.join(known) or 'no instructions for networks'})"
 
 
 def _seen(rows: dict[str, dict[str, Any] | None]) -> list[str]:

@@ -191,8 +191,12 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
     """Write the rows of Table 1; methods that have not been run are listed by name, without numbers."""
     reader = scores.reader
     before = _before(file, scores)
-    # Rows of the same pairs that were not asked for this time stay.
-    rows = {**before.get("methods", {}), **rows}
+    machine = machine_record()
+    # Rows of the same pairs that were not asked for this time stay, with the machine on which they were timed.
+    kept_rows = {
+        name: {"timed_on": timing_of(before["machine"]), **values} for name, values in before.get("methods", {}).items()
+    }
+    rows = {**kept_rows, **{name: {**values, "timed_on": timing_of(machine)} for name, values in rows.items()}}
     record = {
         "command": _command(scores),
         "dataset": reader.name,
@@ -201,10 +205,15 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
         "threads": len(os.sched_getaffinity(0)),
         "methods": {name: {"params": None, "gmacs": None, **values} for name, values in rows.items()},
         "not_yet_run": [name for name in LABELS if name not in rows],
-        "machine": machine_record(),
+        "machine": machine,
     }
     kept = {key: before[key] for key in ("load_while_timed",) if key in before}
     write_record(file, {**record, **kept})
+
+
+def timing_of(machine: dict[str, Any]) -> dict[str, Any]:
+    """Return what of a machine's record decides how long a method takes; older records do not know the instructions."""
+    return {"cpu": machine["cpu"], "instructions": machine.get("instructions")}
 
 
 def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> None:
@@ -245,16 +254,19 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
     PatchMatch is timed on one pair, and only when it is named.
     """
     table = json.loads(file.read_text())
+    machine = machine_record()
+    for values in table["methods"].values():
+        values.setdefault("timed_on", timing_of(table["machine"]))
     rows = {name: values for name, values in table["methods"].items() if name in only} if only else table["methods"]
     methods = {name: method_of(name, values, runs) for name, values in rows.items() if only or name != "patchmatch"}
     for name, milliseconds in retime({name: found for name, found in methods.items() if found}, reader).items():
-        rows[name]["ms"] = milliseconds
+        rows[name].update(ms=milliseconds, timed_on=timing_of(machine))
         if "unfilled" in rows[name]:
             rows[name]["unfilled"]["ms"] = milliseconds
         print(f"{name:18} {milliseconds:8.1f} ms")
     # Work of others beside the timing shows here: above the number of threads the times are too long.
     table["load_while_timed"] = os.getloadavg()[0]
-    table["machine"] = machine_record()
+    table["machine"] = machine
     write_record(file, table)
 
 

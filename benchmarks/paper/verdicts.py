@@ -73,6 +73,8 @@ def error_verdict(run: str, rival: str, rows: dict[str, dict[str, Any]], spread:
 def time_verdict(rival: str, rows: dict[str, dict[str, Any]]) -> str:
     """Judge whether wang2020 takes less time than a rival of the same table."""
     ours, theirs = rows["wang2020"]["ms"], rows[rival]["ms"]
+    if rows["wang2020"].get("timed_on") != rows[rival].get("timed_on"):
+        return f"{UNDECIDED}: they were timed on two machines"
     return f"{HELD if ours < theirs else FAILED}: {ours:.1f} ms against {theirs:.1f} ms"
 
 
