@@ -46,8 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except EndoError as error:
         print(f"endosdk {options.verb}: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print(f"endosdk {options.verb}: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:  # a verb that can go on says how
+        print(f"endosdk {options.verb}: {interrupt.args[0] if interrupt.args else 'interrupted'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Whoever read our output has enough. What is still in the buffer goes nowhere when the interpreter ends.

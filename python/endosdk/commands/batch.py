@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-
-INTERRUPTED = 130  # the exit status of a program stopped by control-C
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -42,8 +39,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         record = run_batch(pairs, settings, args.out, workers=args.workers, ray=args.ray)
     except KeyboardInterrupt:
-        print(f"endosdk batch: stopped; the same command continues {args.out}", file=sys.stderr)
-        return INTERRUPTED
+        raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
     model = record["settings"]["model"]
     print(f"model      {model['name']} {model['version']}")
     print("pairs      " + ", ".join(f"{count} {status}" for status, count in sorted(record["status"].items())))

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from endosdk.simulation.recipe import Recipe
 
-INTERRUPTED = 130  # the exit status of a program stopped by control-C
 
 # What describes a set, which a published recipe settles: usual value, and what the option means.
 _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
@@ -100,8 +99,7 @@ def _render(args: argparse.Namespace) -> int:
     try:
         record = generate(args.out, recipe, args.workers, progress=True, cycles_python=args.cycles_python, ray=args.ray)
     except KeyboardInterrupt:
-        print(f"endosdk simulate: stopped; the same command continues {args.out}", file=sys.stderr)
-        return INTERRUPTED
+        raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
     counts = {split: len(ids) for split, ids in record["samples"].items()}
     print(f"{args.out}: {counts['train']} training and {counts['test']} test pairs", file=sys.stderr)
     return 0
