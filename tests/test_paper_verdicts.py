@@ -194,6 +194,18 @@ def test_a_rival_that_only_a_smaller_table_has_is_judged_there(tmp_path):
     assert f"| {LABELS['anynet']} | 16 | " in text and f"| {LABELS['psmnet']} | 100 | " in text
 
 
+def test_pairs_that_were_rendered_anew_stand_apart(tmp_path):
+    table = json.loads((RESULTS / "table1.json").read_text())
+    shipped = {"shipped-fast": {**table["methods"]["shipped-fast"], "version": "11"}}
+    again = {**table, "sha256": "other", "methods": shipped}
+    for name, content in (("table1", table), ("table1_again", again)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    write_report(tmp_path, tmp_path)
+    text = (tmp_path / "report.md").read_text()
+    assert f"## Table 1 on {table['dataset']}, rendered anew on another machine" in text
+    assert text.count("| version 11, a recipe of its own") == 1
+
+
 def test_rows_timed_on_another_machine_say_so(tmp_path):
     table = json.loads((RESULTS / "table1.json").read_text())
     for name, values in table["methods"].items():

@@ -32,8 +32,7 @@ def write_report(results: Path, docs: Path) -> list[Path]:
     note = search_note(table, _read(results / "sgbm_search.json"), _read(results / "accuracy.json"))
     lines = [*_head(table), *_table("Table 1", table), *_paragraph(note)]
     for other in others:
-        some = f"the first {other['pairs']} pairs of " if other["dataset"] == table.get("dataset") else ""
-        lines += _table(f"Table 1 on {some}{other['dataset']}", other)
+        lines += _table(f"Table 1 on {_data_of(other, table)}", other)
     lines += [*_methods([table, *others], ablations, docs), *_ablations(ablations, table, docs), *_histogram(docs)]
     text = "\n".join(lines).rstrip() + "\n"
     docs.mkdir(parents=True, exist_ok=True)
@@ -41,6 +40,15 @@ def write_report(results: Path, docs: Path) -> list[Path]:
     files[0].write_text(text)
     files[1].write_text(as_html(text, docs))
     return files
+
+
+def _data_of(other: dict[str, Any], table: dict[str, Any]) -> str:
+    """Name the pairs of another table, as they differ from those of Table 1."""
+    if other["dataset"] != table.get("dataset"):
+        return str(other["dataset"])
+    if other["sha256"] != table["sha256"]:
+        return f"{other['dataset']}, rendered anew on another machine, where it has other bits"
+    return f"the first {other['pairs']} pairs of {other['dataset']}"
 
 
 def _paragraph(text: str) -> list[str]:
@@ -159,7 +167,8 @@ def _note(row: dict[str, Any]) -> str:
     data = row.get("trained_on")
     if not data:
         return ""
-    note = f"a recipe of its own, last on {data['name']}, {data['pairs']} pairs"
+    version = f"version {row['version']}, " if "version" in row else ""
+    note = f"{version}a recipe of its own, last on {data['name']}, {data['pairs']} pairs"
     return note + ("; upsampled guided by the left view" if row.get("output_stride", 1) > 1 else "")
 
 

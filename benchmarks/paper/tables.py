@@ -154,7 +154,7 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
         found = scores.get(f"shipped-{name}", state, lambda name=name: scores.score(estimator_method(name)))
         costs = network_costs(name, model.max_disparity, size[1], size[0])
         known = {"params": costs.params, "gmacs": costs.gmacs, "trained_on": model.training.get("data")}
-        known["output_stride"] = model.output_stride
+        known |= {"output_stride": model.output_stride, "version": model.version}
         rows[f"shipped-{name}"] = {**found, **known}
     return rows
 
