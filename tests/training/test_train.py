@@ -122,6 +122,17 @@ def test_another_run_can_be_the_start(dataset_root, tmp_path):
         train(settings(dataset_root, init_from=str(tmp_path / "first"), network="wang2020"), tmp_path / "c")
 
 
+def test_a_network_of_the_same_weights_can_be_the_start(dataset_root, tmp_path):
+    given = {"steps": 1, "max_disparity": 40, "held_out": 0}
+    train(settings(dataset_root, network="wang2020", **given), tmp_path / "alone")
+    start = {"init_from": str(tmp_path / "alone"), "network": "wang2020-photometric", "rate": 1e-9, "final_rate": 1e-9}
+    train(settings(dataset_root, **given, **start), tmp_path / "corrected")
+    first, second = weights(tmp_path / "alone"), weights(tmp_path / "corrected")
+    torch.testing.assert_close(first["down.0.conv.weight"], second["down.0.conv.weight"], atol=1e-7, rtol=0)
+    with pytest.raises(InvalidArgument, match="network: must be the checkpoint's wang2020-photometric; got wang2020"):
+        train(settings(dataset_root, network="wang2020", **given), tmp_path / "corrected", resume=True)
+
+
 @pytest.mark.parametrize("network", ["fast", "wang2020"])
 def test_a_run_of_another_range_can_be_the_start(network, dataset_root, tmp_path):
     common = {"network": network, "steps": 1, "rate": 1e-9, "final_rate": 1e-9}

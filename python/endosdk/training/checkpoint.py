@@ -40,14 +40,18 @@ class Checkpoint:
 
     def load_into(self, network: StereoNetwork) -> None:
         """Give a network these weights. Raises InvalidArgument when they are those of another shape or release."""
-        found, wanted = (
-            {name: tensor.shape for name, tensor in tensors.items()} for tensors in (self.network, network.state_dict())
-        )
-        differing = sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+        differing = self.differing(network)
         if differing:
             rule = f"must hold the weights of {self.config.network} as this release builds it"
             raise InvalidArgument("checkpoint", rule, f"{len(differing)} that differ, such as {differing[0]}")
         network.load_state_dict(self.network)
+
+    def differing(self, network: StereoNetwork) -> list[str]:
+        """Name the weights that only this or only the network has, or that differ in shape."""
+        found, wanted = (
+            {name: tensor.shape for name, tensor in tensors.items()} for tensors in (self.network, network.state_dict())
+        )
+        return sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
 
 
 def configured_network(config: TrainConfig) -> StereoNetwork:

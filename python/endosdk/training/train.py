@@ -102,9 +102,10 @@ class Run:
             return None
         # Only a start may be a shipped name: a run's own folder may be called the same.
         saved = checkpoint.load(self.out if resume else checkpoint.starting_point(str(self.config.init_from)))
-        # No weight depends on how many planes are searched: a run may start from one of another range.
-        fixed = ("network", "max_disparity", "usual_width") if resume else ("network",)
-        for name in fixed:
+        # No weight depends on how many planes are searched, or on what is done beside the layers: a run may start from
+        # one of another range, and from another network of the same weights.
+        others = ("network",) if saved.differing(self.network) else ()
+        for name in ("network", "max_disparity", "usual_width") if resume else others:
             if getattr(saved.config, name) != getattr(self.config, name):
                 raise InvalidArgument(
                     name, f"must be the checkpoint's {getattr(saved.config, name)}", getattr(self.config, name)
