@@ -122,6 +122,13 @@ def test_another_run_can_be_the_start(dataset_root, tmp_path):
         train(settings(dataset_root, init_from=str(tmp_path / "first"), network="wang2020"), tmp_path / "c")
 
 
+def test_no_steps_fit_the_confidence_and_change_nothing_else(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2, held_out=0), tmp_path / "first")
+    train(settings(dataset_root, steps=0, held_out=2, init_from=str(tmp_path / "first")), tmp_path / "fitted")
+    first, second = weights(tmp_path / "first"), weights(tmp_path / "fitted")
+    assert [name for name in first if not torch.equal(first[name], second[name])] == ["confidence.weights"]
+
+
 def test_a_network_of_the_same_weights_can_be_the_start(dataset_root, tmp_path):
     given = {"steps": 1, "max_disparity": 40, "held_out": 0}
     train(settings(dataset_root, network="wang2020", **given), tmp_path / "alone")

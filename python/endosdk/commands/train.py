@@ -20,7 +20,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),
     "answer_cell": (int, "train for the mean of so many answers along both axes, as deployed"),
-    "steps": (int, "steps in all"),
+    "steps": (int, "steps in all; 0: only fit the confidence, to the held-out pairs"),
     "optimiser": (str, "rmsprop, adamw or muon"),
     "rate": (float, "learning rate at the start"),
     "final_rate": (float, "learning rate at the end"),

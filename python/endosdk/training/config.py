@@ -27,7 +27,7 @@ RANGES = {
     "seed": (0, LARGEST),
     "balance": (0, 1),  # beyond 1 the loss rewards a common factor, and falls below 0
     "coarse_weight": (0, LARGEST),
-    "steps": (1, LARGEST),
+    "steps": (0, LARGEST),  # with none the confidence is fitted, and nothing else changes
     "warmup": (0, LARGEST),
     "weight_decay": (0, LARGEST),
     "clip": (0, LARGEST),
@@ -69,7 +69,7 @@ class TrainConfig:
     answer_cell: int = 1
 
     # schedule
-    steps: int = 4000
+    steps: int = 4000  # 0: only the confidence is fitted, to the held-out pairs
     optimiser: str = "rmsprop"  # the paper's; adamw and muon are the others
     rate: float = 1e-3
     final_rate: float = 3e-5  # the rate falls from rate to this over the run
