@@ -127,7 +127,7 @@ def test_broken_and_foreign_files_are_named(tmp_path):
         ({"optimiser": "sgd"}, "optimiser"),
         ({"decay": "cosine"}, "decay"),
         ({"precision": "fp16"}, "precision"),
-        ({"steps": 0}, "steps"),
+        ({"steps": -1}, "steps"),
         ({"final_rate": 1.0}, "final_rate"),
         ({"rate": float("inf")}, "rate"),
         ({"rate": float("nan")}, "rate"),
