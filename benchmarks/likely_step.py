@@ -68,14 +68,15 @@ def main() -> None:
     first = max(0, len(reader) - args.held_out) if args.held_out else 0
     indices = range(first, min(len(reader), first + (args.held_out or args.pairs or len(reader))))
     data = {"name": reader.name, "split": split, "pairs": [indices.start, indices.stop], "sha256": reader.sha256}
+    some = f" --held-out {args.held_out}" if args.held_out else f" --pairs {args.pairs}" if args.pairs else ""
+    dampings = " ".join(f"{doubt:g}" for doubt in args.dampings)
     records = json.loads(args.json.read_text()) if args.json.is_file() else {}
     for entry in args.weights:
         name, _, file = entry.partition("=")
-        options = f"--held-out {args.held_out}" if args.held_out else "" + (f"--pairs {args.pairs}" * bool(args.pairs))
-        command = f"python -m benchmarks.likely_step --data {reader.name} {options} --weights {name}"
         found = measure(file or name, reader, indices, args.dampings)
         records[f"{name} on {reader.name}, {split}"] = {
-            "command": f"{command} --dampings {' '.join(f'{doubt:g}' for doubt in args.dampings)}",
+            "command": f"python -m benchmarks.likely_step --data {reader.name}{some} --weights {name} "
+            f"--dampings {dampings}",
             "dataset": data,
             "ways": found,
             "machine": machine_record(),
