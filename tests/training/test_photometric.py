@@ -111,23 +111,29 @@ def test_of_views_that_say_little_no_step_is_likely():
     noise = torch.randn(2, 1, 3, HEIGHT, WIDTH, generator=torch.Generator().manual_seed(0))
     faint = [90.0 + 0.02 * (view - 128.0) + noise[i] for i, view in enumerate((waves(0.0), waves(9.0)))]
     assert clear.mean() > 0.27
-    assert other.abs().mean() < 0.15
-    assert likely(*faint, 8.7).abs().max() < 0.05
+    assert other.abs().mean() < 0.2
+    assert likely(*faint, 8.7).abs().max() < 0.1
 
 
 def test_the_likely_step_equals_slow_arithmetic():
     rng = np.random.default_rng(2)
     values = rng.uniform(-1, 1, (5, 4, 6))
     values[3:] = values[:2] ** 2 + rng.uniform(0, 1, (2, 4, 6))  # squares whose variances are not negative
-    solved = np.zeros((4, 6))
+    solved, shared = np.zeros((2, 4, 6))
     for y in range(4):
         for x in range(6):
             slope, difference, product, slope_square, difference_square = values[:, y, x]
             covariance = slope * difference - product
             noise = difference_square - difference**2 + photometric.QUIET
-            solved[y, x] = covariance / (slope_square - slope**2 + photometric.DOUBT * noise)
+            texture = slope_square - slope**2
+            solved[y, x] = covariance / (texture + photometric.DOUBT * noise)
+            shared[y, x] = texture / (texture + noise)
     solved = np.pad(solved.clip(-photometric.LIKELY_STEP, photometric.LIKELY_STEP), 1, mode="edge")
-    weights = np.outer([1, 2, 1], [1, 2, 1]) / 16
-    wanted = [[(solved[y : y + 3, x : x + 3] * weights).sum() for x in range(6)] for y in range(4)]
+    shared = np.pad(shared, 1, mode="edge")
+    wanted = np.zeros((4, 6))
+    for y in range(4):
+        for x in range(6):
+            around = (slice(y, y + 3), slice(x, x + 3))
+            wanted[y, x] = np.average(solved[around], weights=shared[around] * np.outer([1, 2, 1], [1, 2, 1]))
     assert np.abs(solved).max() == photometric.LIKELY_STEP and np.abs(solved).min() < 0.1
     np.testing.assert_allclose(likely_step(torch.from_numpy(values)[None])[0, 0].numpy(), wanted, atol=1e-12)

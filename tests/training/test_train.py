@@ -110,6 +110,21 @@ def test_the_coarse_stage_alone_leaves_the_refinement_untouched(dataset_root, tm
             assert not same, name
 
 
+def test_the_refinement_alone_leaves_everything_else_untouched(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2), tmp_path / "first")
+    alone = settings(dataset_root, steps=2, init_from=str(tmp_path / "first"), refine_only=True, held_out=0)
+    train(alone, tmp_path / "alone")
+    before, after = weights(tmp_path / "first"), weights(tmp_path / "alone")
+    for name, value in before.items():
+        learns = name.startswith("refinement.") and name.endswith("conv.weight")
+        stays = not name.startswith("refinement.") or "running" in name
+        assert not (learns and torch.equal(value, after[name])), name
+        assert not stays or torch.equal(value, after[name]), name
+    for wrong in ({"init_from": None}, {"refine_from_step": 1}):
+        with pytest.raises(InvalidArgument, match="refine_only: needs a trained coarse stage"):
+            replace(alone, **wrong)
+
+
 def test_another_run_can_be_the_start(dataset_root, tmp_path):
     train(settings(dataset_root, steps=2), tmp_path / "first")
     train(

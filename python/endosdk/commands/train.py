@@ -45,6 +45,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--refine-crop", type=int, nargs=2, metavar=("H", "W"), help="part of the crop that the refinement sees, px"
     )
+    parser.add_argument(
+        "--refine-only", action="store_true", default=None, help="let only the refinement learn (with --init-from)"
+    )
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="plain crops")
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text)
@@ -66,5 +69,5 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
-    names = ("data", "network", "crop", "refine_crop", "augment", *_SETTINGS)
+    names = ("data", "network", "crop", "refine_crop", "refine_only", "augment", *_SETTINGS)
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}

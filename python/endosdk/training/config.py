@@ -79,6 +79,7 @@ class TrainConfig:
     clip: float = 1.0  # largest norm of the gradient; 0: no limit
     refine_from_step: int = 0  # until then only the coarse stage is computed, at a sixth of the cost
     refine_crop: tuple[int, int] | None = None  # the refinement sees a random window of this size; None: the whole crop
+    refine_only: bool = False  # only the refinement learns: the coarse stage and every batch norm's statistics stay
 
     # system
     precision: str = "auto"  # bf16 where the processor has units for it (elsewhere it is slower), else fp32
@@ -101,6 +102,9 @@ class TrainConfig:
             raise InvalidArgument("rate", "must be a finite number", self.rate)
         if not 0 < self.final_rate <= self.rate:
             raise InvalidArgument("final_rate", "must be above 0 and at most rate", self.final_rate)
+        if self.refine_only and (self.init_from is None or self.refine_from_step):
+            rule = "needs a trained coarse stage (init_from) and the refinement at once (refine_from_step 0)"
+            raise InvalidArgument("refine_only", rule, (self.init_from, self.refine_from_step))
         self._check_crops()
 
     def _check_crops(self) -> None:

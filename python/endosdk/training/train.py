@@ -132,7 +132,8 @@ class Run:
 
     def _fit_stage(self, last: int, refined: bool, bar: tqdm[Any]) -> None:
         for name, parameter in self.network.named_parameters():
-            parameter.requires_grad_(refined or not name.startswith("refinement."))
+            in_refinement = name.startswith("refinement.")
+            parameter.requires_grad_(in_refinement if self.config.refine_only else refined or not in_refinement)
         model: nn.Module = self.network
         if self.world > 1:
             model = DistributedDataParallel(self.network)
@@ -162,7 +163,7 @@ class Run:
         rate = self.config.rate_at(self.step)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-        model.train()
+        model.train(not self.config.refine_only)
         self.optimiser.zero_grad(set_to_none=True)
         with self._autocast():
             prediction: Prediction = model(left, right, refined=refined, window=window)

@@ -27,8 +27,9 @@ DAMPING = 2.0 / UNIT**2  # squared slope below which a window says nothing
 LARGEST_STEP = 2.0  # px; the picture is not linear over more
 QUIET = 1.0 / UNIT**2  # added under logarithms: noise of one grey level
 LOG_UNIT = 4.0  # brings logarithms to the spread of the other channels
-DOUBT = 0.4  # 1/px^2, of `likely_step`: one over the variance of what a disparity lacks, times the samples of a cell
+DOUBT = 0.1  # 1/px^2, of `likely_step`: one over the variance of what a disparity lacks, times the samples of a cell
 LIKELY_STEP = 0.5  # px; more is seldom lacking, and rarely right
+LEAST_SHARED = 1e-3  # mean share below which a neighbourhood has nothing to say
 
 
 class Step(NamedTuple):
@@ -99,14 +100,19 @@ def likely_step(means: Tensor) -> Tensor:
     Where what the disparity lacks and what else differs between the views are both normal, the likeliest step is that
     of least squares with a damping in proportion to the variance of the difference: little texture or much noise,
     little step. Cells are solved one by one, so that a highlight spoils no other, and then averaged over their
-    neighbours, because what a smooth surface lacks is much the same next door.
+    neighbours, because what a smooth surface lacks is much the same next door. There each counts by how much of its
+    contrast both views share, so that flat and occluded cells follow those around them.
 
     ``means`` [N, 5, h, w] are those of `moments`, in cells of the size at which the disparity was matched.
     """
     first, product, second = torch.split(means, [2, 1, 2], dim=1)
     slope, difference = torch.split(first, 1, dim=1)
     texture, mismatch = torch.split((second - first * first).clamp_min(0.0), 1, dim=1)
-    solved = (slope * difference - product) / (texture + DOUBT * (mismatch + QUIET))
+    noise = mismatch + QUIET
+    solved = (slope * difference - product) / (texture + DOUBT * noise)
+    shared = texture / (texture + noise)
+    both = torch.cat([shared * solved.clamp(-LIKELY_STEP, LIKELY_STEP), shared], dim=1)
     # Twice a mean of 2 x 2: weights 1, 2, 1 along both axes.
-    framed = F.pad(solved.clamp(-LIKELY_STEP, LIKELY_STEP), (1, 1, 1, 1), mode="replicate")
-    return F.avg_pool2d(F.avg_pool2d(framed, 2, 1), 2, 1)
+    framed = F.pad(both, (1, 1, 1, 1), mode="replicate")
+    steps, counts = torch.split(F.avg_pool2d(F.avg_pool2d(framed, 2, 1), 2, 1), 1, dim=1)
+    return steps / counts.clamp_min(LEAST_SHARED)
