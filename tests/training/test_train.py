@@ -120,9 +120,12 @@ def test_the_refinement_alone_leaves_everything_else_untouched(dataset_root, tmp
         stays = not name.startswith("refinement.") or "running" in name
         assert not (learns and torch.equal(value, after[name])), name
         assert not stays or torch.equal(value, after[name]), name
-    for wrong in ({"init_from": None}, {"refine_from_step": 1}):
-        with pytest.raises(InvalidArgument, match="refine_only: needs a trained coarse stage"):
-            replace(alone, **wrong)
+    checkpoint.save_weights(tmp_path / "kept.safetensors", checkpoint.load(tmp_path / "alone"))
+    assert checkpoint.load(tmp_path / "kept.safetensors").config.refine_only
+    with pytest.raises(InvalidArgument, match="init_from: must name a trained coarse stage"):
+        train(replace(alone, init_from=None), tmp_path / "nothing")
+    with pytest.raises(InvalidArgument, match="refine_from_step: must be 0"):
+        replace(alone, refine_from_step=1)
 
 
 def test_another_run_can_be_the_start(dataset_root, tmp_path):

@@ -102,9 +102,8 @@ class TrainConfig:
             raise InvalidArgument("rate", "must be a finite number", self.rate)
         if not 0 < self.final_rate <= self.rate:
             raise InvalidArgument("final_rate", "must be above 0 and at most rate", self.final_rate)
-        if self.refine_only and (self.init_from is None or self.refine_from_step):
-            rule = "needs a trained coarse stage (init_from) and the refinement at once (refine_from_step 0)"
-            raise InvalidArgument("refine_only", rule, (self.init_from, self.refine_from_step))
+        if self.refine_only and self.refine_from_step:
+            raise InvalidArgument("refine_from_step", "must be 0 with refine_only", self.refine_from_step)
         self._check_crops()
 
     def _check_crops(self) -> None:

@@ -99,6 +99,8 @@ class Run:
         if not resume and (self.out / checkpoint.LAST).exists():
             raise InvalidArgument("out", "must not hold another run unless it is resumed", self.out)
         if not resume and self.config.init_from is None:
+            if self.config.refine_only:
+                raise InvalidArgument("init_from", "must name a trained coarse stage with refine_only", None)
             return None
         # Only a start may be a shipped name: a run's own folder may be called the same.
         saved = checkpoint.load(self.out if resume else checkpoint.starting_point(str(self.config.init_from)))
