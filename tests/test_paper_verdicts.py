@@ -218,6 +218,25 @@ def test_rows_timed_on_another_machine_say_so(tmp_path):
     assert len([line for line in text.splitlines() if line.endswith("machine**, Old (avx2, amx_int8) |")]) == 1
 
 
+@pytest.mark.parametrize(("last", "verdict"), [(0.2, "**held**"), (0.2001, "**did not hold**")])
+def test_our_own_recipe_is_judged_by_its_last_version(last, verdict, tmp_path):
+    errors = {"1": 0.4, "2": last}
+    versions = {
+        number: {
+            "phases": number,
+            "what_is_new": "x",
+            "endosim-gi": {"epe_px": epe},
+            "endosim-gi-cycles": {"epe_px": 1},
+        }
+        for number, epe in errors.items()
+    }
+    (tmp_path / "wang2020_versions.json").write_text(json.dumps({"versions": versions}))
+    write_report(tmp_path, tmp_path)
+    text = (tmp_path / "report.md").read_text()
+    assert f"{verdict}: version 2 as shipped is at {last:.4f} px" in text
+    assert f"| 2 | 2 | x | {last:.3f} | 1.000 |" in text
+
+
 def test_pixels_are_counted_with_and_without_occluded_ones(tmp_path):
     measures = {"epe_px": 0.5, **{f"kpe_{k}": 0.1 for k in KPE}, "coverage": 1.0, "pixels": 5000}
     scores = {"all": measures, "non_occluded": {**measures, "pixels": 4000}, "pairs": 2, "ms_median": 1.0}
