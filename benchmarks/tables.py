@@ -35,6 +35,8 @@ METHODS = {
     "fast": "**fast** (8-bit)",
     "fast-fp32": "fast-fp32",
     "fast-320": "fast-320 (8-bit)",
+    "accurate": "accurate (8-bit)",
+    "accurate-fp32": "accurate-fp32",
     "wang2020": "wang2020",
     "wang2020-192": "wang2020-192",
     "sgbm-filled": "StereoSGBM, filled",
@@ -55,6 +57,7 @@ AVX2_SPEEDS = {  # on one without
     "avx2_fast-320_1920x1080": "fast-320, 1920 x 1080, 2",
     "avx2_fast-320_1thread": "fast-320, 960 x 720, 1",
     "avx2_fast-fp32": "fast-fp32, 960 x 720, 2",
+    "avx2_accurate": "accurate, 960 x 720, 2",
     "avx2_wang2020": "wang2020, 960 x 720, 2",
 }
 

@@ -13,7 +13,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "layout": (str, "how the data set is laid out"),
     "train_pairs": (int, "use only the first so many pairs"),
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
-    "init_from": (str, "run folder, checkpoint or shipped weights (fast, fast-320, wang2020) to start from"),
+    "init_from": (str, "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from"),
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
