@@ -24,6 +24,7 @@ from benchmarks.paper.experiments import (
 )
 from benchmarks.paper.notes import ablations_note, cause_note, rate_note, refinement_note, search_note, shipped_note
 from benchmarks.paper.verdicts import FAILED, HELD, NOT_RUN, claim_verdict, error_verdict, seed_spread, time_verdict
+from benchmarks.tables import versions_table
 
 
 def write_report(results: Path, docs: Path) -> list[Path]:
@@ -222,13 +223,8 @@ def _past_the_paper(record: dict[str, Any]) -> list[str]:
         "version 11 on a step without weights stands between matching and refinement. The phases are in "
         "models/wang2020.md.",
         "",
-        "| version | phases | new in the last one | EPE, px | path-traced, px |",
-        "|---|---|---|---|---|",
     ]
-    for number, version in versions.items():
-        errors = [f"{version[data]['epe_px']:.3f}" for data in ("endosim-gi", "endosim-gi-cycles")]
-        lines.append(f"| {' | '.join((number, version['phases'], version['what_is_new'], *errors))} |")
-    return [*lines, ""]
+    return [*lines, versions_table(versions)]
 
 
 def _ablations(ablations: dict[str, Any], table: dict[str, Any], docs: Path) -> list[str]:
@@ -303,7 +299,9 @@ def as_html(markdown: str, folder: Path) -> str:
 
 def _html_table(rows: list[str]) -> str:
     cells = [
-        [_inline(cell.strip()) for cell in row.strip("|").split("|")] for row in rows if not row.startswith("|---")
+        [_inline(cell.strip()) for cell in row.strip("|").split("|")]
+        for row in rows
+        if not row.startswith(("|---", "| ---"))
     ]
     lines = ["".join(f"<{'td' if place else 'th'}>{cell}</{'td' if place else 'th'}>" for cell in row) for place, row in
              enumerate(cells)]  # fmt: skip
