@@ -14,18 +14,23 @@ if TYPE_CHECKING:
 
 # What describes a set, which a published recipe settles: usual value, and what the option means.
 _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
-    "organ": ("mix", "intestine, stomach, ducts, abdomen, gi (the first three) or mix"),
+    "organ": (
+        "mix",
+        "intestine, stomach, ducts, abdomen, gi (the first three), mix (all); shapes: no organ, objects of any kind",
+    ),
     "pairs": (100, "training pairs, or videos"),
     "test_pairs": (0, "test pairs, of other seeds"),
     "seed": (1, "0..9999; another seed is another set"),
     "renderer": ("gl", "gl: OpenGL through EGL; cycles: Blender, path traced"),
-    "rig": ("ideal", "ideal, or raw: add distorted, misaligned views and rig.json"),
+    "rig": ("ideal", "ideal; raw: add distorted, misaligned views and rig.json; drawn: another one for every scene"),
+    "aspect": ("fixed", "fixed, or drawn: with --rig drawn, frames of 4:3, 5:4 and 16:9"),
     "width": (960, "pixels"),
     "height": (720, "pixels"),
     "focal": (400.0, "focal length in pixels"),
     "baseline": (10.0, "mm between the lenses"),
     "min_disparity": (2.0, "px, aimed at"),
-    "max_disparity": (69.5, "px, never exceeded"),
+    "max_disparity": (69.5, "px, never exceeded; with --rig drawn, 25 %% of the width unless given"),
+    "faults": (False, "spoil the pictures: noise, blur of one eye, unlike tones, compression and more"),
     "video": (False, "move along the path: every pair becomes a video of frames"),
     "frames": (100, "of each video, 25 a second"),
     "shutter": (0.0, "video: share of the frame time it is open"),
@@ -125,11 +130,34 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     chosen: dict[str, Any] = {name: getattr(args, name) if name in given else _SETTINGS[name][0] for name in _SETTINGS}
     if video and chosen["frames"] < 1:
         raise InvalidArgument("frames", "must be at least 1 for a video", chosen["frames"])
+    if chosen["rig"] == "drawn":
+        _leave_to_the_scenes(chosen, given)
     same_name = {field.name: chosen[field.name] for field in fields(Effects) if field.name in chosen}
     return Recipe(
-        **{name: chosen[name] for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig")},
+        **{
+            name: chosen[name]
+            for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig", "aspect", "faults")
+        },
         camera=StereoCamera(chosen["width"], chosen["height"], chosen["focal"], chosen["baseline"]),
         limits=Limits(chosen["min_disparity"], chosen["max_disparity"]),
         effects=Effects(motion_px=chosen["motion_blur"], **same_name),
         frames=chosen["frames"] if video else 0,
     )
+
+
+def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
+    """Refuse what every scene draws for itself, and choose what follows from the width."""
+    from endosdk.errors import InvalidArgument
+    from endosdk.simulation.camera import StereoCamera
+    from endosdk.simulation.rigs import WIDEST_DISPARITY
+
+    drawn = ["focal", "baseline", *(["height"] if chosen["aspect"] == "drawn" else [])]
+    for name in drawn:
+        if name in given:
+            raise InvalidArgument(name, "is drawn for every scene, so leave it out", chosen[name])
+    usual, width = StereoCamera(), chosen["width"]
+    chosen["focal"] = usual.focal_px * width / usual.width
+    if "height" not in given:
+        chosen["height"] = round(usual.height * width / usual.width)
+    if "max_disparity" not in given:
+        chosen["max_disparity"] = WIDEST_DISPARITY * width

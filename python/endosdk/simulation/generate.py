@@ -119,8 +119,16 @@ def _record(job: Job) -> dict[str, Any]:
         "rig": recipe.rig,
         "organ_shares": MIXTURES.get(recipe.organ, {recipe.organ: 1.0}),
         "seeds": seeds,
-        "camera": asdict(recipe.camera),
+        "camera": _camera(recipe),
         "disparity_limits_px": asdict(recipe.limits),
         "samples": samples,
-        **{name: described[name] for name in ("effects", "frames") if name in described},
+        **{name: described[name] for name in ("effects", "frames", "aspect", "faults") if name in described},
     }
+
+
+def _camera(recipe: Recipe) -> dict[str, Any]:
+    """Return what all cameras of the set have in common."""
+    camera = asdict(recipe.camera)
+    if recipe.rig != "drawn":
+        return camera
+    return {name: camera[name] for name in (("width",) if recipe.aspect == "drawn" else ("width", "height"))}

@@ -11,14 +11,16 @@ from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.effects import Effects
 from endosdk.simulation.sample import Limits
-from endosdk.simulation.scene import check_organ
+from endosdk.simulation.scene import SHAPES, check_organ
 
 # Seeds of one set: training from the start of its block, testing from the middle, so that they never meet.
 SEED_BLOCK = 1_000_000
 TEST_OFFSET = 500_000
 MOST_FRAMES = 9999
 RENDERERS = ("gl", "cycles")
-RIGS = ("ideal", "raw")  # raw adds what a distorted, misaligned rig sees, and its calibration
+# raw adds what a distorted, misaligned rig sees, and its calibration; drawn gives every scene a rig of its own
+RIGS = ("ideal", "raw", "drawn")
+ASPECTS = ("fixed", "drawn")
 PUBLISHED = Path(__file__).with_name("recipes")
 
 
@@ -36,13 +38,24 @@ class Recipe:
     limits: Limits = field(default_factory=Limits)
     effects: Effects = field(default_factory=Effects)
     frames: int = 0  # of a video for each seed; 0: one pair for each seed
+    aspect: str = "fixed"  # drawn: the height of each frame is one of 4:3, 5:4 and 16:9
+    faults: bool = False  # spoil the pictures as real endoscopes do
 
     def __post_init__(self) -> None:
         check_organ(self.organ)
-        if self.renderer not in RENDERERS:
-            raise InvalidArgument("renderer", f"must be one of {', '.join(RENDERERS)}", self.renderer)
-        if self.rig not in RIGS:
-            raise InvalidArgument("rig", f"must be one of {', '.join(RIGS)}", self.rig)
+        for name, known in (("renderer", RENDERERS), ("rig", RIGS), ("aspect", ASPECTS)):
+            if getattr(self, name) not in known:
+                raise InvalidArgument(name, f"must be one of {', '.join(known)}", getattr(self, name))
+        if self.aspect == "drawn" and self.rig != "drawn":
+            raise InvalidArgument("aspect", "can be drawn only with the rig", self.rig)
+        if self.faults and (self.rig == "raw" or self.frames):
+            raise InvalidArgument("faults", "are those of single pairs of an ideal or a drawn rig", self.rig)
+        if self.organ == SHAPES:
+            self._check_shapes()
+        self._check_counts()
+        self._check_frames()
+
+    def _check_counts(self) -> None:
         for name in ("pairs", "test_pairs"):
             if not 0 <= getattr(self, name) <= TEST_OFFSET:
                 raise InvalidArgument(name, f"must be within 0..{TEST_OFFSET}", getattr(self, name))
@@ -53,6 +66,8 @@ class Recipe:
         if self.limits.largest > 0.5 * self.camera.width:
             rule = f"the largest disparity must be at most half the width of {self.camera.width} px"
             raise InvalidArgument("limits", rule, self.limits.largest)
+
+    def _check_frames(self) -> None:
         if not 0 <= self.frames <= MOST_FRAMES:
             raise InvalidArgument("frames", f"must be within 0..{MOST_FRAMES}", self.frames)
         if self.frames and self.rig != "ideal":
@@ -63,6 +78,15 @@ class Recipe:
         if self.effects.shutter and not self.frames:
             rule = "must be 0 without video; single pairs take motion_px"
             raise InvalidArgument("shutter", rule, self.effects.shutter)
+
+    def _check_shapes(self) -> None:
+        """Raise InvalidArgument for what scenes of objects do not have."""
+        if self.renderer != "gl":
+            raise InvalidArgument("renderer", "must be gl for shapes", self.renderer)
+        if self.rig == "raw" or self.frames:
+            raise InvalidArgument("organ", "shapes are single pairs of an ideal or a drawn rig", self.organ)
+        if self.effects != Effects():
+            raise InvalidArgument("effects", "those of organs must be left out for shapes", self.effects.described())
 
     def tasks(self) -> list[tuple[str, int]]:
         """Return (split, seed) of every pair, or of every video."""
@@ -80,8 +104,9 @@ class Recipe:
         plain["effects"] = self.effects.described()
         if self.effects == Effects():
             del plain["effects"]
-        if not self.frames:
-            del plain["frames"]
+        for name, unused in (("frames", 0), ("aspect", "fixed"), ("faults", False)):
+            if plain[name] == unused:
+                del plain[name]
         return plain
 
 

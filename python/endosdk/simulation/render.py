@@ -7,14 +7,20 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from endosdk.dataset import write_picture, write_sample
+import numpy as np
+
+from endosdk.dataset import Sample, write_picture, write_sample
 from endosdk.simulation.cycles.environment import find_python
 from endosdk.simulation.cycles.renderer import CyclesRenderer
+from endosdk.simulation.faults.spoil import draw_faults, spoil
+from endosdk.simulation.objects.render import render_objects
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.raw import draw_rig, render_raw_sample
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.renderer import Renderer
+from endosdk.simulation.rigs import OBJECTS_FARTHEST_MM, draw_camera, draw_range
 from endosdk.simulation.sample import render_sample
+from endosdk.simulation.scene import SHAPES
 from endosdk.simulation.video import render_video, write_video
 
 Task = tuple[str, int]  # split, seed
@@ -66,6 +72,9 @@ def render_task(renderer: Renderer, job: Job, task: Task) -> Iterator[int]:
 
 def _pair(renderer: Renderer, job: Job, task: Task) -> None:
     recipe, (split, seed) = job.recipe, task
+    if recipe.organ == SHAPES:
+        write_sample(job.root, split, _spoilt(recipe, seed, _objects(renderer, recipe, seed)))
+        return
     if recipe.rig == "ideal":
         sample = render_sample(renderer, seed, recipe.organ, recipe.camera, recipe.limits, recipe.effects)
         write_sample(job.root, split, sample)
@@ -79,6 +88,21 @@ def _pair(renderer: Renderer, job: Job, task: Task) -> None:
         "rig.json": raw.calibration.save,
     }
     write_sample(job.root, split, sample, extras)
+
+
+def _objects(renderer: Renderer, recipe: Recipe, seed: int) -> Sample:
+    rng = np.random.default_rng((seed, 19))
+    camera = recipe.camera
+    centre = ((camera.width - 1) / 2, (camera.height - 1) / 2)
+    if recipe.rig == "drawn":
+        camera, centre = draw_camera(rng, camera.width, None if recipe.aspect == "drawn" else camera.height)
+    return render_objects(renderer, seed, draw_range(rng, camera, centre, recipe.limits.largest, OBJECTS_FARTHEST_MM))
+
+
+def _spoilt(recipe: Recipe, seed: int, sample: Sample) -> Sample:
+    """Return the sample with its faults where the recipe asks for them."""
+    faults = draw_faults((seed, 22)) if recipe.faults else None
+    return sample if faults is None else spoil(sample, faults, (seed, 23))
 
 
 def _video(renderer: Renderer, job: Job, task: Task) -> Iterator[int]:

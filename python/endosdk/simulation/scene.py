@@ -21,6 +21,7 @@ MIXTURES = {
     "gi": {"intestine": 0.45, "stomach": 0.35, "ducts": 0.2},
     "mix": {"intestine": 0.28, "stomach": 0.17, "ducts": 0.1, "abdomen": 0.45},
 }
+SHAPES = "shapes"  # scenes without any organ, see objects
 INSTRUMENT_SHARE = 0.25
 # Nearest surface of a scene, as a share of the largest disparity allowed: mostly close, as in life.
 NEAREST_SHARE = (0.35, 0.99)
@@ -66,9 +67,10 @@ class Scene:
 
 
 def check_organ(name: str) -> None:
-    """Raise InvalidArgument unless the name is an organ or a mixture."""
-    if name not in ORGANS and name not in MIXTURES:
-        raise InvalidArgument("organ", f"must be one of {', '.join([*ORGANS, *MIXTURES])}", name)
+    """Raise InvalidArgument unless the name is an organ, a mixture, or `SHAPES`."""
+    known = (*ORGANS, *MIXTURES, SHAPES)
+    if name not in known:
+        raise InvalidArgument("organ", f"must be one of {', '.join(known)}", name)
 
 
 def draw_scene(seed: int, organ: str) -> Scene:

@@ -1,0 +1,1 @@
+"""Scenes that are no anatomy at all: objects of any shape and pattern, anywhere in the rig's range."""
