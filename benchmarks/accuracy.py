@@ -14,10 +14,10 @@ import sys
 from pathlib import Path
 
 from benchmarks.record import machine_record
-from endosdk.baseline import SgbmSettings
-from endosdk.dataset_layouts import open_dataset
-from endosdk.evaluation import estimator_method, evaluate, sgbm_method
-from endosdk.models import read_model
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.methods import estimator_method, evaluate, sgbm_method
+from endosdk.evaluation.sgbm import SgbmSettings
+from endosdk.runtime.models import read_model
 
 
 def main() -> None:

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 from benchmarks.model_records import models_parser, record_models
 from endosdk import StereoCalibration, _core
-from endosdk.dataset import Sample
-from endosdk.dataset_layouts import open_dataset
-from endosdk.image_files import read_frame
-from endosdk.models import read_model
-from endosdk.postprocess import Limits, Maps, postprocess
-from endosdk.rectify import RectifyStage
-from endosdk.session import StereoSession, padded
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.layouts import open_dataset
+from endosdk.io.pictures import read_frame
+from endosdk.runtime.models import read_model
+from endosdk.runtime.postprocess import Limits, Maps, postprocess
+from endosdk.runtime.rectify import RectifyStage
+from endosdk.runtime.session import StereoSession, padded
 
 Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]

@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.record import machine_record
-from endosdk.board_calibration import calibrate_board, rectify_points, row_agreement
-from endosdk.calibration import StereoCalibration
+from endosdk.calibration.board import calibrate_board, rectify_points, row_agreement
+from endosdk.calibration.rig import StereoCalibration
 
 Points = npt.NDArray[np.float64]
 

@@ -23,7 +23,7 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks.record import machine_record
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.training.data import planar
 from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.networks.base import StereoNetwork

@@ -25,10 +25,10 @@ import numpy.typing as npt
 from benchmarks.methods.classical import classical_method
 from benchmarks.record import machine_record
 from benchmarks.turns import answers_in_turns
-from endosdk.dataset import Sample
-from endosdk.dataset_layouts import open_dataset
-from endosdk.evaluation import Method, estimator_method, sgbm_method
-from endosdk.scores import ScoreBoard
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.methods import Method, estimator_method, sgbm_method
+from endosdk.evaluation.scores import ScoreBoard
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

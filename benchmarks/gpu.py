@@ -28,7 +28,7 @@ import torch
 
 from benchmarks.graph_cost import GraphCost, graph_cost
 from benchmarks.record import machine_record
-from endosdk.models import read_model, shipped_models
+from endosdk.runtime.models import read_model, shipped_models
 from endosdk.training.half import halved
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Deployed

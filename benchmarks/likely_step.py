@@ -18,10 +18,10 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks.record import machine_record
-from endosdk.dataset import DatasetReader
-from endosdk.dataset_layouts import open_dataset
-from endosdk.evaluation import estimator_method
-from endosdk.scores import ScoreBoard
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.methods import estimator_method
+from endosdk.evaluation.scores import ScoreBoard
 from endosdk.training import checkpoint
 from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.networks import photometric

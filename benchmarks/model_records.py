@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.record import machine_record
-from endosdk.dataset import DatasetReader
+from endosdk.datasets.dataset import DatasetReader
 
 
 def models_parser(description: str | None, pairs_help: str) -> argparse.ArgumentParser:

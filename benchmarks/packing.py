@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 
 from benchmarks.record import machine_record
-from endosdk.dataset import DatasetReader
-from endosdk.dataset_layouts import open_dataset
-from endosdk.evaluation import evaluate, sgbm_method
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.methods import evaluate, sgbm_method
 
 REGIONS = ("all", "non_occluded")
 

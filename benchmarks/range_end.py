@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from benchmarks.model_records import models_parser, record_models
 from endosdk import DepthEstimator, Reason
-from endosdk.dataset import DatasetReader, Sample
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import DatasetReader, Sample
+from endosdk.datasets.layouts import open_dataset
 
 MARGINS = (0.0, 0.25, 0.5, 0.75, 1.0, 2.0)  # px of the network
 BEYOND = 0.05  # share of the pixels beyond the last plane

@@ -18,10 +18,10 @@ import numpy as np
 
 from benchmarks.record import machine_record
 from endosdk import DepthEstimator
-from endosdk.baseline import SgbmBaseline, SgbmSettings
 from endosdk.commands.sizes import parse_size
-from endosdk.image_files import read_frame
-from endosdk.row_offset import row_offset
+from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings
+from endosdk.evaluation.vertical_disparity import row_offset
+from endosdk.io.pictures import read_frame
 
 
 def photometric(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, where: np.ndarray) -> float:

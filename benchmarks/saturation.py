@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks.record import machine_record
-from endosdk.dataset_layouts import open_dataset
-from endosdk.models import read_model
+from endosdk.datasets.layouts import open_dataset
+from endosdk.runtime.models import read_model
 from endosdk.training.frame_size import reduced_view, reduction
 
 GAINS = (1.0, 2.5)

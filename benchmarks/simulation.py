@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from benchmarks.record import machine_record
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.generate import generate
 from endosdk.simulation.recipe import Recipe
 

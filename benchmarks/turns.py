@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from tqdm import tqdm
 
-from endosdk.dataset import Sample
-from endosdk.evaluation import Answer, Method
+from endosdk.datasets.dataset import Sample
+from endosdk.evaluation.methods import Answer, Method
 
 
 def answers_in_turns(methods: dict[str, Method], samples: list[Sample]) -> Iterator[tuple[str, Sample, Answer]]:

@@ -15,11 +15,11 @@ import numpy as np
 
 from benchmarks.model_records import models_parser, record_models
 from endosdk import DepthEstimator, _core
-from endosdk.dataset import DatasetReader
-from endosdk.dataset_layouts import open_dataset
-from endosdk.models import read_model
-from endosdk.scores import ScoreBoard
-from endosdk.session import StereoSession, padded
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.scores import ScoreBoard
+from endosdk.runtime.models import read_model
+from endosdk.runtime.session import StereoSession, padded
 
 COLUMNS = ("epe_px", "kpe_1", "kpe_2", "kpe_3", "kpe_5")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.layouts import open_dataset
 
 COLUMNS, ROWS, WIDTH = 6, 4, 240
 

@@ -14,8 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from endosdk.dataset import DatasetReader
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.layouts import open_dataset
 
 EDGES_PX = np.arange(0.0, 72.0, 2.0)
 BAR, HEIGHT, MARGIN = 20, 240, 34

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from endosdk.dataset import FORMAT_VERSION, encode_disparity, hash_sample, read_colours, read_gray, read_sample
+from endosdk.datasets.dataset import FORMAT_VERSION, encode_disparity, hash_sample, read_colours, read_gray, read_sample
 
 QUALITY = 93
 VIEW = [

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.calibration import StereoCalibration
+from endosdk.calibration.rig import StereoCalibration
 
 
 def rotation(x: float, y: float, z: float) -> np.ndarray:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.baseline import SgbmBaseline, SgbmSettings, fill_holes
-from endosdk.dataset import Sample
+from endosdk.datasets.dataset import Sample
 from endosdk.errors import InvalidArgument
-from endosdk.evaluation import Answer, Method
-from endosdk.scores import ScoreBoard
+from endosdk.evaluation.methods import Answer, Method
+from endosdk.evaluation.scores import ScoreBoard
+from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings, fill_holes
 
 FloatMap = npt.NDArray[np.float32]
 

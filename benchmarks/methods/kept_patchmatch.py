@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.methods.patchmatch import PatchMatchSettings, match
-from endosdk.dataset import Sample
-from endosdk.evaluation import Answer
+from endosdk.datasets.dataset import Sample
+from endosdk.evaluation.methods import Answer
 
 
 def fresh_match(settings: PatchMatchSettings) -> Callable[[Sample], tuple[Answer, Answer]]:

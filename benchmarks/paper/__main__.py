@@ -94,7 +94,7 @@ def _print_plan(args: argparse.Namespace) -> None:
 
 def _train(args: argparse.Namespace) -> None:
     from benchmarks.paper.runs import advance, config_of, stop_after
-    from endosdk.dataset_layouts import open_dataset
+    from endosdk.datasets.layouts import open_dataset
 
     _print_plan(args)
     budget = _budget(args)
@@ -112,9 +112,9 @@ def _train(args: argparse.Namespace) -> None:
 
 def _search(args: argparse.Namespace) -> None:
     from benchmarks.methods.classical import search_sgbm
-    from endosdk.bench import write_record
-    from endosdk.dataset_layouts import open_dataset
-    from endosdk.machine import machine_record
+    from endosdk.datasets.layouts import open_dataset
+    from endosdk.jobs.bench import write_record
+    from endosdk.jobs.machine import machine_record
 
     reader = open_dataset(args.data, "train", layout=args.layout)
     count = min(args.pairs or len(reader), len(reader))
@@ -129,7 +129,7 @@ def _search(args: argparse.Namespace) -> None:
 def _evaluate(args: argparse.Namespace) -> None:
     from benchmarks.paper import tables
     from benchmarks.paper.runs import state_of
-    from endosdk.dataset_layouts import open_dataset
+    from endosdk.datasets.layouts import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     budget, wanted = _budget(args), set(args.only or LABELS)
@@ -166,7 +166,7 @@ def _best_sgbm(results: Path) -> dict[str, Any] | None:
 
 def _time(args: argparse.Namespace) -> None:
     from benchmarks.paper import tables
-    from endosdk.dataset_layouts import open_dataset
+    from endosdk.datasets.layouts import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     tables.retime_table(args.results / f"{args.table}.json", reader, args.runs, args.only)

@@ -16,10 +16,10 @@ from PIL import Image
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
 from benchmarks.paper.experiments import GROUPS, LABELS, Group
-from endosdk.baseline import fill_holes
-from endosdk.dataset import DatasetReader, Sample
-from endosdk.dataset_layouts import open_dataset
-from endosdk.picture import colour_map, robust_range
+from endosdk.datasets.dataset import DatasetReader, Sample
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.sgbm import fill_holes
+from endosdk.io.overview import colour_map, robust_range
 
 CURVES = ("loss", "pairs", "range", "refinement")
 DOTS_PER_INCH = 110

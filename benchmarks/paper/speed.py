@@ -14,8 +14,8 @@ import torch
 import benchmarks.methods.networks  # noqa: F401  makes the rivals known
 from benchmarks.paper.experiments import Experiment
 from benchmarks.paper.runs import config_gmacs
-from endosdk.bench import write_record
-from endosdk.machine import cpu_name
+from endosdk.jobs.bench import write_record
+from endosdk.jobs.machine import cpu_name
 from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks import build_network

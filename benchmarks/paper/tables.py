@@ -22,15 +22,15 @@ from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
 from benchmarks.paper.runs import RunState, config_gmacs, exported, model_file, training_curve
 from benchmarks.turns import answers_in_turns
 from endosdk import _core
-from endosdk.baseline import fill_holes
-from endosdk.bench import write_record
-from endosdk.dataset import DatasetReader, Sample
+from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.errors import InvalidArgument
-from endosdk.estimator import DepthEstimator
-from endosdk.evaluation import Answer, Method, estimator_method, evaluate
-from endosdk.machine import machine_record
-from endosdk.models import shipped_models
-from endosdk.scores import ScoreBoard
+from endosdk.evaluation.methods import Answer, Method, estimator_method, evaluate
+from endosdk.evaluation.scores import ScoreBoard
+from endosdk.evaluation.sgbm import fill_holes
+from endosdk.jobs.bench import write_record
+from endosdk.jobs.machine import machine_record
+from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.models import shipped_models
 
 KPE = (1, 2, 3, 5)
 

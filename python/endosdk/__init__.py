@@ -3,16 +3,16 @@
 Importing this package loads NumPy and one small compiled module; onnxruntime and OpenCV load when first needed.
 """
 
-from endosdk import telemetry
+from endosdk.runtime import telemetry
 
 telemetry.disable()  # before anything can import onnxruntime: later is too late
 
 from endosdk._core import version as __version__  # noqa: E402
-from endosdk.calibration import StereoCalibration  # noqa: E402
+from endosdk.calibration.rig import StereoCalibration  # noqa: E402
 from endosdk.errors import EndoError, ErrorCode  # noqa: E402
-from endosdk.estimator import DepthEstimator  # noqa: E402
-from endosdk.models import shipped_models  # noqa: E402
-from endosdk.result import DepthResult, Reason, Status  # noqa: E402
+from endosdk.runtime.estimator import DepthEstimator  # noqa: E402
+from endosdk.runtime.models import shipped_models  # noqa: E402
+from endosdk.runtime.result import DepthResult, Reason, Status  # noqa: E402
 
 __all__ = [
     "DepthEstimator",

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import endosdk
-from endosdk.dataset import read_disparity
-from endosdk.image_files import read_frame
-from endosdk.models import shipped_models
+from endosdk.datasets.dataset import read_disparity
+from endosdk.io.pictures import read_frame
+from endosdk.runtime.models import shipped_models
 from tests.c_library import binding as c
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.rigs import fisheye_rig, raw_rig

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import verify_dataset
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import verify_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.generate import generate
 from endosdk.simulation.recipe import SEED_BLOCK, TEST_OFFSET, Recipe

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import Sample
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.objects import surfaces
 from endosdk.simulation.objects.patterns import PATTERNS, draw_pattern
 from endosdk.simulation.objects.render import render_objects

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.calibration import StereoCalibration
+from endosdk.calibration.rig import StereoCalibration
 from endosdk.cli import main
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.raw import draw_rig, straight_rays
 

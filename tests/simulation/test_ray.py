@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import verify_dataset
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import verify_dataset
+from endosdk.datasets.layouts import open_dataset
 from tests.ray_workers import a_worker_killed
 
 WORDS = (

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import Sample, verify_dataset, write_sample
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import Sample, verify_dataset, write_sample
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import DependencyMissing, InvalidArgument, RendererUnavailable
 from endosdk.simulation.camera import rectified_pair
 from endosdk.simulation.cycles.environment import find_python

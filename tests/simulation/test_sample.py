@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.dataset import Sample
+from endosdk.datasets.dataset import Sample
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import StereoCamera, rectified_pair
 from endosdk.simulation.rasteriser import Rasteriser

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import Sample, verify_dataset
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import Sample, verify_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.scene import draw_scene
 from endosdk.simulation.video import draw_flight
 

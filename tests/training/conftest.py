@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from endosdk.dataset import hash_sample
+from endosdk.datasets.dataset import hash_sample
 from tests.training.exported_networks import export_into
 from tests.training.warped_set import write_warped_set
 

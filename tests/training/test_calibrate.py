@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training.calibrate import calibrate_confidence, fit_laplace
 from endosdk.training.networks import build_network

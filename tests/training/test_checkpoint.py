@@ -6,9 +6,9 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from endosdk.dataset import DatasetReader
+from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument, StorageFailed
-from endosdk.models import shipped_models
+from endosdk.runtime.models import shipped_models
 from endosdk.training import checkpoint
 from endosdk.training.config import CHOICES, TrainConfig
 from endosdk.training.networks import build_network

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.training.data import Crops, has_truth
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.dataset import Sample
+from endosdk.datasets.dataset import Sample
 from endosdk.training.data import Crops
-from endosdk.training.evaluate import predict_frames
 from endosdk.training.frame_size import reduced_truth, reduced_view, reduction
 from endosdk.training.networks import build_network
+from endosdk.training.validation import predict_frames
 
 
 @pytest.mark.parametrize(("width", "factor"), [(320, 1), (480, 1), (700, 1), (960, 2), (1280, 3), (1920, 4)])

@@ -9,7 +9,7 @@ import pytest
 from onnx import numpy_helper
 
 from endosdk.errors import InvalidArgument
-from endosdk.models import parse_metadata, shipped_models
+from endosdk.runtime.models import parse_metadata, shipped_models
 from endosdk.training.quantize import describe_quantised, quantize_model, unsaturated_steps
 from tests.training.test_frame_size import OneFrame
 from tests.training.warped_scenes import warped_pair

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.dataset import Sample, write_record, write_sample
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import Sample, write_record, write_sample
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, ProviderUnavailable
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
-from endosdk.training.evaluate import mean_errors, pad_to_multiple
 from endosdk.training.networks import build_network
 from endosdk.training.train import Run, split_pairs, train
+from endosdk.training.validation import mean_errors, pad_to_multiple
 
 SHORT = {"network": "fast", "crop": (64, 128), "batch": 2, "held_out": 2, "log_every": 1, "precision": "fp32"}
 

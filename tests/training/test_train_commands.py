@@ -6,8 +6,8 @@ import onnxruntime as ort
 import pytest
 
 from endosdk.cli import main
-from endosdk.dataset import DatasetReader, Sample, write_record, write_sample
-from endosdk.models import shipped_weights
+from endosdk.datasets.dataset import DatasetReader, Sample, write_record, write_sample
+from endosdk.runtime.models import shipped_weights
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.release import release

@@ -9,7 +9,7 @@ import torch
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Deployed, Prediction
 from endosdk.training.upsampling import guided_upsampling, on_input_grid
-from tests.test_core_guided import scene, upsampled
+from tests.core.test_joint_bilateral import scene, upsampled
 
 
 def log_scale(confidence: np.ndarray) -> torch.Tensor:

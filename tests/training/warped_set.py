@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.dataset import Sample, write_record, write_sample
+from endosdk.datasets.dataset import Sample, write_record, write_sample
 from tests.training.warped_scenes import warped_pair
 
 

@@ -25,8 +25,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compute what is missing; the status is 1 where pictures could not be used."""
     from endosdk import StereoCalibration
-    from endosdk.batch import PAIRS, Settings, find_pairs, run_batch
     from endosdk.commands.sizes import parse_size
+    from endosdk.jobs.batch import PAIRS, Settings, find_pairs, run_batch
 
     settings = Settings(
         model=args.model,

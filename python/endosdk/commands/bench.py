@@ -30,8 +30,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark and print a short table."""
-    from endosdk.bench import BenchSettings, run_benchmark, write_record
     from endosdk.commands.sizes import parse_size
+    from endosdk.jobs.bench import BenchSettings, run_benchmark, write_record
 
     settings = BenchSettings(
         model=args.model,

@@ -11,8 +11,8 @@ from endosdk.commands.sizes import parse_size
 from endosdk.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from endosdk.board_calibration import Points
-    from endosdk.calibration import StereoCalibration
+    from endosdk.calibration.board import Points
+    from endosdk.calibration.rig import StereoCalibration
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _convert(args: argparse.Namespace) -> StereoCalibration:
-    from endosdk.calibration import StereoCalibration
+    from endosdk.calibration.rig import StereoCalibration
 
     path = args.path[0] if len(args.path) == 1 else args.path
     size = parse_size(args.size) if args.size else None
@@ -51,8 +51,8 @@ def _convert(args: argparse.Namespace) -> StereoCalibration:
 
 
 def _board(args: argparse.Namespace) -> StereoCalibration:
-    from endosdk.board_calibration import calibrate_board
-    from endosdk.picture_pairs import pair_pictures
+    from endosdk.calibration.board import calibrate_board
+    from endosdk.io.picture_pairs import pair_pictures
 
     pattern = parse_size(args.pattern)
     left, right, size = _find_all(pair_pictures(args.left, args.right), pattern)
@@ -68,8 +68,8 @@ def _find_all(
     pairs: list[tuple[Path, Path]], pattern: tuple[int, int]
 ) -> tuple[list[Points], list[Points], tuple[int, int]]:
     """Return the corners of every pair in which both views show the whole board, and the size of the pictures."""
-    from endosdk.board_calibration import find_corners, same_order
-    from endosdk.image_files import read_frame
+    from endosdk.calibration.board import find_corners, same_order
+    from endosdk.io.pictures import read_frame
 
     left: list[Points] = []
     right: list[Points] = []

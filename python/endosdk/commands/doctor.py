@@ -31,10 +31,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report_runtime() -> bool:
-    from endosdk import _core, telemetry
+    from endosdk import _core
     from endosdk.errors import EndoError
-    from endosdk.machine import machine_record
-    from endosdk.session import load_runtime
+    from endosdk.jobs.machine import machine_record
+    from endosdk.runtime import telemetry
+    from endosdk.runtime.session import load_runtime
 
     record = machine_record()
     print(f"endosdk      {_core.version}, kernels {_core.isa()}, {_core.threads()} threads")
@@ -59,8 +60,8 @@ def _report_runtime() -> bool:
 
 def _report_models() -> bool:
     from endosdk.errors import EndoError
-    from endosdk.models import read_model, shipped_models
-    from endosdk.session import StereoSession
+    from endosdk.runtime.models import read_model, shipped_models
+    from endosdk.runtime.session import StereoSession
 
     healthy = True
     for name in shipped_models():
@@ -76,8 +77,8 @@ def _report_models() -> bool:
 
 def _report_pair(left: Path, right: Path) -> bool:
     from endosdk.commands.predict import ROW_OFFSET_LIMIT
-    from endosdk.image_files import read_frame
-    from endosdk.row_offset import row_offset
+    from endosdk.evaluation.vertical_disparity import row_offset
+    from endosdk.io.pictures import read_frame
 
     offset = row_offset(read_frame(left), read_frame(right))
     if offset.median_px is None:

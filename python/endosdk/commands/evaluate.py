@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from endosdk.dataset import DatasetReader
-    from endosdk.evaluation import Method
+    from endosdk.datasets.dataset import DatasetReader
+    from endosdk.evaluation.methods import Method
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -37,10 +37,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate and print a table."""
-    from endosdk.bench import write_record
-    from endosdk.dataset_layouts import open_dataset, usual_split
-    from endosdk.evaluation import evaluate, write_worst
-    from endosdk.machine import machine_record
+    from endosdk.datasets.layouts import open_dataset, usual_split
+    from endosdk.evaluation.methods import evaluate, write_worst
+    from endosdk.jobs.bench import write_record
+    from endosdk.jobs.machine import machine_record
 
     method, model = _sgbm(args) if args.model == "sgbm" else _estimator(args)
     split = args.split or usual_split(args.layout)
@@ -66,8 +66,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     from endosdk.commands.sizes import parse_size
-    from endosdk.estimator import DepthEstimator
-    from endosdk.evaluation import estimator_method
+    from endosdk.evaluation.methods import estimator_method
+    from endosdk.runtime.estimator import DepthEstimator
 
     options = {
         "provider": args.provider,
@@ -82,7 +82,7 @@ def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
 
 def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     from endosdk.errors import InvalidArgument
-    from endosdk.evaluation import sgbm_method
+    from endosdk.evaluation.methods import sgbm_method
 
     for name, usual in (("network_size", None), ("provider", "cpu"), ("threads", None)):
         if getattr(args, name) != usual:

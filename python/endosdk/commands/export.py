@@ -81,6 +81,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(model: str, repository: Path) -> None:
-    from endosdk.triton import write_repository
+    from endosdk.io.triton import write_repository
 
     print(f"written {write_repository(model, repository)}")

@@ -11,7 +11,7 @@ import numpy as np
 from endosdk.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from endosdk.result import DepthResult
+    from endosdk.runtime.result import DepthResult
 
 ROW_OFFSET_LIMIT = 1.5  # px; beyond it rows of the two views do not correspond and matching along rows fails
 
@@ -38,8 +38,8 @@ def run(args: argparse.Namespace) -> int:
     """Predict, write the files, print what was found."""
     from endosdk import DepthEstimator, StereoCalibration
     from endosdk.commands.sizes import parse_size
-    from endosdk.image_files import read_frame, write_result
-    from endosdk.row_offset import row_offset
+    from endosdk.evaluation.vertical_disparity import row_offset
+    from endosdk.io.pictures import read_frame, write_result
 
     left, right = read_frame(args.left), read_frame(args.right)
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
@@ -90,7 +90,7 @@ def _print_maps(result: DepthResult) -> None:
 
 
 def _print_error(result: DepthResult, path: Path) -> None:
-    from endosdk.dataset import read_disparity
+    from endosdk.datasets.dataset import read_disparity
 
     truth = read_disparity(path)
     if truth.shape != result.disparity.shape:

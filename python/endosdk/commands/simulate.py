@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(root: Path) -> int:
-    from endosdk.dataset import verify_dataset
+    from endosdk.datasets.dataset import verify_dataset
 
     count = faults = 0
     for name, fault in verify_dataset(root):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endosdk.dataset import FORMAT_VERSION, hash_sample, replace_text, write_record
+from endosdk.datasets.dataset import FORMAT_VERSION, hash_sample, write_record
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
+from endosdk.io.whole_files import PARTIAL, remove_partials, write_text
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.render import Job, Task
+from endosdk.simulation.render_processes import render_apart, render_here, render_on_ray
 from endosdk.simulation.sample import GENERATOR_VERSION
 from endosdk.simulation.scene import MIXTURES
-from endosdk.simulation.workers import render_apart, render_here, render_on_ray
 
 
 def generate(
@@ -55,11 +55,10 @@ def _claim(root: Path, recipe: Recipe) -> None:
         root.mkdir(parents=True, exist_ok=True)
         if path.exists():
             _compare(json.loads(path.read_text()), wanted, root)
-        elif any(not found.name.startswith(".partial-") for found in root.iterdir()):
+        elif any(not found.name.startswith(PARTIAL) for found in root.iterdir()):
             raise InvalidArgument("out", "must be an empty or new folder, or one begun by this command", root)
-        for left_over in root.glob(".partial-*"):
-            shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
-        replace_text(path, json.dumps(wanted, indent=1, sort_keys=True) + "\n")
+        remove_partials(root)
+        write_text(path, json.dumps(wanted, indent=1, sort_keys=True) + "\n", "out")
     except OSError as error:
         raise StorageFailed("out", "the folder must be writable", f"{root}: {error}") from error
     except ValueError as error:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.calibration import StereoCalibration
-from endosdk.dataset import Sample
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.datasets.dataset import Sample
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, aligned_pair
 from endosdk.simulation.curve import Floats
 from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endosdk.dataset import Sample, write_picture, write_sample
+from endosdk.datasets.dataset import Sample, write_picture, write_sample
 from endosdk.simulation.cycles.environment import find_python
 from endosdk.simulation.cycles.renderer import CyclesRenderer
 from endosdk.simulation.faults.spoil import draw_faults, spoil

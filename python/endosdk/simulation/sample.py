@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.dataset import Sample, find_occlusion
+from endosdk.datasets.dataset import Sample, find_occlusion
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, rectified_pair
 from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning

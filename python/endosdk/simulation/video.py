@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endosdk.dataset import Sample, read_colours
+from endosdk.datasets.dataset import Sample, read_colours
 from endosdk.errors import StorageFailed
 from endosdk.simulation.camera import Pose, StereoCamera, look, rectified_pair
 from endosdk.simulation.curve import Floats, bezier

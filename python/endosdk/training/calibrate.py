@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from endosdk.dataset import DatasetReader
+from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
-from endosdk.training.evaluate import predict_frames
 from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.validation import predict_frames
 
 PIXELS_PER_FRAME = 20_000
 

@@ -9,12 +9,13 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save as safetensors_bytes
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from endosdk.errors import InvalidArgument, StorageFailed
-from endosdk.models import shipped_weights
+from endosdk.errors import InvalidArgument
+from endosdk.io.whole_files import whole_file
+from endosdk.runtime.models import shipped_weights
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks import StereoNetwork, build_network
 
@@ -87,12 +88,8 @@ def _write(path: Path, content: Checkpoint) -> None:
     tensors.update({f"optimiser.{name}": tensor for name, tensor in content.optimiser.items()})
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     header = {"format": FORMAT, "config": json.dumps(config.as_dict()), "step": str(step), "state": json.dumps(state)}
-    partial = path.with_name(path.name + ".partial")
-    try:
-        save_file(tensors, partial, metadata=header)
-        partial.replace(path)
-    except (OSError, SafetensorError) as error:
-        raise StorageFailed("out", "must be writable", f"{path} ({error})") from error
+    with whole_file(path, "out") as stream:
+        stream.write(safetensors_bytes(tensors, metadata=header))
 
 
 def starting_point(source: str) -> Path:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from endosdk.dataset import DatasetReader
+from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
 from endosdk.training.frame_size import reduced_truth, reduced_view, reduction

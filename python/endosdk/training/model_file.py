@@ -7,14 +7,14 @@ from pathlib import Path
 import onnx
 
 from endosdk.errors import StorageFailed
+from endosdk.io.whole_files import whole_file
 
 
 def write_model(model: onnx.ModelProto, path: Path) -> None:
     """Write the model as bytes that depend on nothing but itself; the folder is made. Raises StorageFailed."""
-    partial = path.with_name(path.name + ".partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(model.SerializeToString(deterministic=True))
-        partial.replace(path)
     except OSError as error:
         raise StorageFailed("path", "must be writable", f"{path} ({error.strerror})") from error
+    with whole_file(path) as stream:
+        stream.write(model.SerializeToString(deterministic=True))

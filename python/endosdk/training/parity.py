@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from endosdk.errors import InferenceFailed
 from endosdk.training.data import planar
-from endosdk.training.evaluate import pad_to_multiple
 from endosdk.training.networks.base import Deployed, StereoNetwork
 from endosdk.training.upsampling import to_input_grid
+from endosdk.training.validation import pad_to_multiple
 
 LARGEST_DIFFERENCE_PX = 1e-3
 

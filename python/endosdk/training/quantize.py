@@ -21,12 +21,12 @@ from onnx import numpy_helper
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 from tqdm import tqdm
 
-from endosdk.dataset import DatasetReader
+from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.training.data import planar
-from endosdk.training.evaluate import pad_to_multiple
 from endosdk.training.frame_size import reduced_view, reduction
 from endosdk.training.model_file import write_model
+from endosdk.training.validation import pad_to_multiple
 
 WIDE = 16  # channels from which a convolution fills the integer units
 # Operators that only move values, between a convolution and the addition or the product that reads its result.

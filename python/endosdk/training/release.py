@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from endosdk.dataset import DatasetReader
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
-from endosdk.evaluation import estimator_method, evaluate, require_pairs
-from endosdk.machine import machine_record
+from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
+from endosdk.jobs.machine import machine_record
 from endosdk.training.checkpoint import Checkpoint
-from endosdk.training.evaluate import full_scores
 from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import describe_quantised, quantize_model
 from endosdk.training.train import split_pairs
+from endosdk.training.validation import full_scores
 
 RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges of 8-bit integers
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.

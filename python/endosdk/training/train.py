@@ -21,20 +21,20 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.dataset import DatasetReader
-from endosdk.dataset_layouts import open_dataset
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument, ProviderUnavailable, StorageFailed
-from endosdk.evaluation import require_pairs
+from endosdk.evaluation.methods import require_pairs
 from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
 from endosdk.training.data import Crops, has_truth
-from endosdk.training.evaluate import mean_errors
 from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks.base import Prediction, Window
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.upsampling import on_input_grid
+from endosdk.training.validation import mean_errors
 
 LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.dataset import Sample
+from endosdk.datasets.dataset import Sample
 from endosdk.simulation.faults.chips import (
     Chip,
     Processor,

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from endosdk.dataset import Sample, find_occlusion
+from endosdk.datasets.dataset import Sample, find_occlusion
 from endosdk.simulation.camera import Pose, RectifiedPair, View
 from endosdk.simulation.noise import Array
 from endosdk.simulation.objects.scene import draw_lamp, draw_objects

@@ -1,0 +1,1 @@
+"""Rigs: numbers, rules, board calibration and the files they come from."""

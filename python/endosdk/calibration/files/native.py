@@ -1,0 +1,78 @@
+"""endosdk's own layout: JSON, versioned, with the hash of its content; what is written is read back exactly.
+
+::
+
+    {"format": "endosdk-stereo-calibration", "version": 1,
+     "units": "mm", "model": "pinhole" | "fisheye", "width": int, "height": int,
+     "left": {"matrix": 3x3, "distortion": [...]}, "right": {"matrix": 3x3, "distortion": [...]},
+     "rotation": 3x3, "translation": [x, y, z],            right point = rotation * left point + translation
+     "sha256": hash of the fields above without format and version, keys sorted, no blanks}
+
+``sha256`` may be left out of a file written by hand. When it is there it must match.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from endosdk.calibration.files.raw import StatedRig, read_text, required
+from endosdk.calibration.rules import check_size
+from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
+from endosdk.io.whole_files import write_text
+
+FORMAT = "endosdk-stereo-calibration"
+VERSION = 1
+
+
+def looks_like(text: str) -> bool:
+    """Whether the text of a file is in this layout, whatever the file is called."""
+    return text.lstrip().startswith("{") and f'"{FORMAT}"' in text
+
+
+def read(paths: tuple[Path, ...], *, size: tuple[int, int] | None = None, units: str | None = None) -> StatedRig:
+    """Read one endosdk JSON file; ``size`` must agree with it, and ``units`` may only repeat "mm"."""
+    if len(paths) != 1 or paths[0].is_dir():
+        raise InvalidArgument("path", "an endosdk calibration is one file", [str(path) for path in paths])
+    if units not in (None, "mm"):
+        raise InvalidArgument("units", "must be left out: an endosdk file is in mm", repr(units))
+    path = paths[0]
+    content = _parse(path)
+    fields = _fields(path, content)
+    stated = (fields["width"], fields["height"])
+    if size is not None and check_size("size", size) != stated:
+        raise CalibrationSizeMismatch("size", f"must agree with {path.name}, which says {stated}", size)
+    return StatedRig(path.name, fields, "mm", sha256=content.get("sha256"))
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(read_text(path))
+    except ValueError as error:
+        raise CalibrationUnreadable(path.name, "must be valid JSON", error) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        seen = content.get("format") if isinstance(content, dict) else type(content).__name__
+        raise CalibrationUnreadable(f"{path.name}: format", f"must be {FORMAT}", seen)
+    if content.get("version") != VERSION:
+        raise CalibrationUnreadable(f"{path.name}: version", f"must be {VERSION}", content.get("version"))
+    if content.get("units") != "mm":
+        raise CalibrationUnreadable(f"{path.name}: units", "must be mm", content.get("units"))
+    return content
+
+
+def _fields(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    cameras = [required(path, content, side) for side in ("left", "right")]
+    if not all(isinstance(camera, dict) for camera in cameras):
+        raise CalibrationUnreadable(path.name, "left and right must hold matrix and distortion", "something else")
+    fields = {name: required(path, content, name) for name in ("width", "height", "rotation", "translation", "model")}
+    for side, camera in zip(("left", "right"), cameras, strict=True):
+        fields |= {f"{side}_{part}": required(path, camera, part) for part in ("matrix", "distortion")}
+    return fields
+
+
+def write(content: Mapping[str, Any], sha256: str, path: Path) -> None:
+    """Write the content of a calibration and its hash, whole or not at all. Raises `StorageFailed`."""
+    document = {"format": FORMAT, "version": VERSION, **content, "sha256": sha256}
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

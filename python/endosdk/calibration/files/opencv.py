@@ -1,0 +1,133 @@
+"""OpenCV's YAML, XML and JSON, under the spellings that are in use; lengths in mm unless the caller says otherwise.
+
+OpenCV's own sample writes two files, the cameras and the extrinsics; both may be given as a pair. Plain YAML with
+nested lists under the same names is read too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endosdk.calibration.files.raw import RawCalibration, matrix, picture_size, read_text, yaml_mapping
+from endosdk.errors import CalibrationUnreadable
+
+# Spellings are compared in lower case without separators. "k1" and "d1" are OpenCV's samples, "m1" its old ones.
+SPELLINGS: dict[str, tuple[str, ...]] = {
+    name: tuple(spellings.split())
+    for name, spellings in {
+        "left_matrix": "k1 m1 cameramatrix1 cameramatrixleft leftcameramatrix cameramatrixl kleft kl",
+        "right_matrix": "k2 m2 cameramatrix2 cameramatrixright rightcameramatrix cameramatrixr kright kr",
+        "left_distortion": "d1 distcoeffs1 distcoefs1 dist1 distortion1 distortioncoefficients1 "
+        "distcoeffsleft leftdistcoeffs distcoeffsl distleft dleft dl",
+        "right_distortion": "d2 distcoeffs2 distcoefs2 dist2 distortion2 distortioncoefficients2 "
+        "distcoeffsright rightdistcoeffs distcoeffsr distright dright dr",
+        "rotation": "r rotation rotationmatrix rmatrix",
+        "translation": "t translation translationvector tvec tvector",
+        "size": "imagesize imgsize size resolution calibrationimagesize",
+        "width": "width imagewidth imgwidth",
+        "height": "height imageheight imgheight",
+    }.items()
+}
+FIELD_OF = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
+SHAPES = {
+    "left_matrix": (3, 3),
+    "right_matrix": (3, 3),
+    "left_distortion": (-1,),
+    "right_distortion": (-1,),
+    "rotation": (3, 3),
+    "translation": (3,),
+}
+
+
+def is_file_storage(path: Path, text: str) -> bool:
+    """Whether OpenCV's own parser is the one to read this; its YAML carries tags that others refuse."""
+    tagged = any(mark in text for mark in ("opencv-matrix", "opencv-nd-matrix", "<opencv_storage>"))
+    return tagged or path.suffix.lower() in (".xml", ".json")
+
+
+def looks_like(keys: Iterable[str]) -> bool:
+    """Whether the names include at least one camera matrix of a stereo pair."""
+    return any(_field(key) in ("left_matrix", "right_matrix") for key in keys)
+
+
+def read(paths: tuple[Path, ...]) -> RawCalibration:
+    """Read one file, or the two that share a calibration between them."""
+    found: dict[str, Any] = {}
+    for path in paths:
+        for name, value in _fields(path).items():
+            if name in found and not np.array_equal(found[name], value):
+                raise CalibrationUnreadable(path.name, f"must state {name} once", "two different values")
+            found[name] = value
+    missing = [f"{name} ({SPELLINGS[name][0].upper()})" for name in SHAPES if name not in found]
+    if missing:
+        source = " + ".join(path.name for path in paths)
+        raise CalibrationUnreadable(source, f"must hold {', '.join(missing)}", f"fields {sorted(found)}")
+    numbers = {name: found[name] for name in SHAPES}
+    return RawCalibration(
+        **numbers,
+        size=_size(paths[0], found),
+        unit="mm",
+        size_may_be_swapped="width" not in found,
+    )
+
+
+def read_fisheye(paths: tuple[Path, ...]) -> RawCalibration:
+    """Read the same file with its four coefficients as OpenCV's fisheye model."""
+    return replace(read(paths), model="fisheye")
+
+
+def _field(key: str) -> str | None:
+    return FIELD_OF.get(re.sub(r"[^a-z0-9]", "", key.lower()))
+
+
+def _fields(path: Path) -> dict[str, Any]:
+    """Return what the file holds under our names, as arrays of the right shape."""
+    text = read_text(path)
+    content = _storage_values(path, text) if is_file_storage(path, text) else dict(yaml_mapping(path, text))
+    found: dict[str, Any] = {}
+    for key, value in content.items():
+        name = _field(key)
+        if name is None:
+            continue
+        if name in found:
+            raise CalibrationUnreadable(path.name, f"must state {name} once", f"a second one under {key}")
+        found[name] = matrix(path, key, value, SHAPES[name]) if name in SHAPES else value
+    return found
+
+
+def _storage_values(path: Path, text: str) -> dict[str, Any]:
+    import cv2
+
+    # The Python binding lets some parser failures out as SystemError.
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        root = storage.root()
+        return {key: _node_value(root.getNode(key)) for key in root.keys() if _field(key) is not None}
+    except (cv2.error, SystemError) as error:
+        reason = str(error.__cause__ or error).strip().splitlines()[-1]
+        raise CalibrationUnreadable(path.name, "must be a file of OpenCV's FileStorage", reason) from error
+
+
+def _node_value(node: Any) -> Any:
+    if node.isMap():
+        return node.mat()
+    if node.isSeq():
+        return [_node_value(node.at(index)) for index in range(node.size())]
+    return node.string() if node.isString() else node.real()
+
+
+def _size(path: Path, found: dict[str, Any]) -> tuple[int, int] | None:
+    if "width" in found and "height" in found:
+        return picture_size(path, found["width"], found["height"])
+    if "size" not in found:
+        return None
+    sides = matrix(path, "size", found["size"], (-1,))
+    if sides.size != 2:
+        raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", found["size"])
+    return picture_size(path, sides[0], sides[1])

@@ -1,0 +1,168 @@
+"""What every reader hands over, and the steps they share: text in, units, sizes and plausibility out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk.calibration.rules import CameraModel, check_size
+from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
+
+Matrix = npt.NDArray[np.float64]
+
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+# A calibration is a few kB. The limit keeps a mistaken path (a video) from being parsed for minutes.
+MAX_BYTES = 4 * 1024 * 1024
+
+
+@dataclass(frozen=True)
+class RawCalibration:
+    """A rig as its file states it: lengths in ``unit``, ``size`` (width, height) or None where the layout has none.
+
+    ``size_may_be_swapped`` marks a size stored as a bare array, which many programs write as (height, width).
+    """
+
+    left_matrix: Matrix
+    right_matrix: Matrix
+    left_distortion: Matrix
+    right_distortion: Matrix
+    rotation: Matrix
+    translation: Matrix
+    size: tuple[int, int] | None
+    unit: str
+    model: CameraModel = "pinhole"
+    size_may_be_swapped: bool = False
+
+
+@dataclass(frozen=True)
+class StatedRig:
+    """A rig as the SDK states it, mm and (width, height), before its numbers are checked.
+
+    ``source`` names the file or files in errors, ``unit`` is the one the lengths were read in, ``size_given`` says that
+    the caller and not the file gave the size, ``sha256`` is the hash that the file states of its content.
+    """
+
+    source: str
+    fields: Mapping[str, Any]
+    unit: str
+    size_given: bool = False
+    sha256: str | None = None
+
+
+def finish(
+    raw: RawCalibration, paths: tuple[Path, ...], *, size: tuple[int, int] | None, units: str | None
+) -> StatedRig:
+    """Settle size and units."""
+    source = " + ".join(path.name for path in paths)
+    width, height = _settle_size(raw, source, size)
+    unit = _settle_unit(raw, units)
+    fields = {
+        "width": width,
+        "height": height,
+        "left_matrix": raw.left_matrix,
+        "right_matrix": raw.right_matrix,
+        "left_distortion": trim_distortion(raw.left_distortion),
+        "right_distortion": trim_distortion(raw.right_distortion),
+        "rotation": raw.rotation,
+        "translation": raw.translation * MM_PER_UNIT[unit],
+        "model": raw.model,
+    }
+    return StatedRig(source, fields, unit, size_given=size is not None)
+
+
+def _settle_unit(raw: RawCalibration, units: str | None) -> str:
+    if units is not None and units not in MM_PER_UNIT:
+        raise InvalidArgument("units", f"must be one of {', '.join(MM_PER_UNIT)}", repr(units))
+    return units or raw.unit
+
+
+def _settle_size(raw: RawCalibration, source: str, size: tuple[int, int] | None) -> tuple[int, int]:
+    stated = raw.size
+    if size is None:
+        if stated is None:
+            rule = f"must be given as (width, height), because {source} holds no picture size"
+            raise CalibrationSizeMismatch("size", rule, None)
+        if raw.size_may_be_swapped and stated[0] < stated[1]:
+            rule = f"must be given, because the array in {source} may mean (width, height) or (height, width)"
+            raise CalibrationSizeMismatch("size", rule, stated)
+        return stated
+    given = check_size("size", size)
+    agrees = stated is None or stated == given or (raw.size_may_be_swapped and stated == given[::-1])
+    if not agrees:
+        raise CalibrationSizeMismatch("size", f"must agree with {source}, which says {stated}", given)
+    return given
+
+
+def trim_distortion(coefficients: Matrix) -> Matrix:
+    """Drop thin-prism and tilt terms (9th to 14th) that are exactly zero; the model without them is the same."""
+    flat = np.ravel(coefficients)
+    return flat[:8] if flat.size in (12, 14) and not flat[8:].any() else flat
+
+
+def read_text(path: Path) -> str:
+    """Return a file's text. Raises `CalibrationUnreadable` when it cannot be a calibration file."""
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise CalibrationUnreadable(path.name, f"must be under {MAX_BYTES} bytes", "a larger file")
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise CalibrationUnreadable(path.name, "must be text in UTF-8", "binary data") from error
+    except OSError as error:
+        raise CalibrationUnreadable(path.name, "must be readable", error.strerror) from error
+
+
+def read_numbers(path: Path) -> list[list[float]]:
+    """Return the rows of a file that holds numbers and nothing else."""
+    try:
+        return [[float(word) for word in line.split()] for line in read_text(path).splitlines() if line.strip()]
+    except ValueError as error:
+        raise CalibrationUnreadable(path.name, "must hold numbers only", error) from error
+
+
+def yaml_mapping(path: Path, text: str | None = None) -> Mapping[str, Any]:
+    """Return the top level of a plain YAML file, which must be a mapping."""
+    import yaml
+
+    try:
+        content = yaml.safe_load(read_text(path) if text is None else text)
+    except yaml.YAMLError as error:
+        raise CalibrationUnreadable(path.name, "must be valid YAML", " ".join(str(error).split())) from error
+    if not isinstance(content, dict):
+        raise CalibrationUnreadable(path.name, "must be a mapping of names to values", type(content).__name__)
+    return {str(key): value for key, value in content.items()}
+
+
+def matrix(path: Path, name: str, value: Any, shape: tuple[int, ...]) -> Matrix:
+    """Return numbers, nested or flat, in ``shape``; -1 leaves a length open."""
+    try:
+        # float() first: YAML 1.1 hands 1e-05, written without a point, over as text.
+        flat = np.array([float(part) for part in np.ravel(np.asarray(value, dtype=object))])
+        return flat.reshape(shape)
+    except (TypeError, ValueError) as error:
+        raise CalibrationUnreadable(f"{path.name}: {name}", f"must be numbers of shape {list(shape)}", value) from error
+
+
+def required(path: Path, content: Mapping[str, Any], *names: str) -> Any:
+    """Return the first of several spellings that is there."""
+    for name in names:
+        if name in content:
+            return content[name]
+    raise CalibrationUnreadable(path.name, f"must hold {' or '.join(names)}", f"keys {sorted(content)}")
+
+
+def picture_size(path: Path, width: Any, height: Any) -> tuple[int, int]:
+    """Return (width, height) as positive ints, however the file's numbers were written."""
+    try:
+        sides = float(width), float(height)
+    except (TypeError, ValueError) as error:
+        raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", (width, height)) from error
+    if any(side <= 0 or side != int(side) for side in sides if np.isfinite(side)) or not np.isfinite(sides).all():
+        raise CalibrationUnreadable(f"{path.name}: size", "must be two positive whole numbers", sides)
+    return int(sides[0]), int(sides[1])

@@ -1,0 +1,350 @@
+"""The calibration of a stereo rig, and the rectified geometry that follows from it.
+
+Lengths are millimetres, image coordinates put (0, 0) at the centre of the first pixel, and matrices follow OpenCV:
+a point of the left camera becomes ``rotation @ point + translation`` in the right camera, so the translation's x is
+negative when the right camera sits to the right.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk import _core
+from endosdk.calibration.rules import (
+    CameraModel,
+    check_alpha,
+    check_camera_matrix,
+    check_crop,
+    check_distortion,
+    check_plausible_baseline,
+    check_principal_point,
+    check_rotation,
+    check_size,
+    check_translation,
+    finite_array,
+    number,
+)
+from endosdk.errors import CalibrationUnreadable, InvalidArgument, InvalidCalibration
+
+if TYPE_CHECKING:
+    from endosdk.calibration.files.raw import StatedRig
+
+Matrix = npt.NDArray[np.float64]
+MODELS = get_args(CameraModel)
+
+# Two cameras closer to parallel than this differ by less than 0.002 px at 2000 px from the principal point.
+RECTIFIED_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class StereoCalibration:
+    """Two cameras and how they stand to each other; lengths in mm, arrays float64 and read-only.
+
+    ``left_matrix`` and ``right_matrix`` are [3,3]; distortions hold 0, 4, 5 or 8 Brown-Conrady coefficients for
+    ``pinhole`` and 0 or 4 for ``fisheye``; ``rotation`` is [3,3] and ``translation`` [3], left to right. Raises
+    `InvalidCalibration` when the numbers cannot describe a rig with the right camera on the right.
+    """
+
+    width: int
+    height: int
+    left_matrix: Matrix
+    right_matrix: Matrix
+    left_distortion: Matrix
+    right_distortion: Matrix
+    rotation: Matrix
+    translation: Matrix
+    model: CameraModel = "pinhole"
+
+    def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            raise InvalidCalibration("model", f"must be one of {', '.join(MODELS)}", repr(self.model))
+        width, height = check_size("size", (self.width, self.height))
+        checked: dict[str, Any] = {
+            "width": width,
+            "height": height,
+            "left_matrix": check_camera_matrix("left_matrix", self.left_matrix),
+            "right_matrix": check_camera_matrix("right_matrix", self.right_matrix),
+            "left_distortion": check_distortion("left_distortion", self.left_distortion, self.model),
+            "right_distortion": check_distortion("right_distortion", self.right_distortion, self.model),
+            "rotation": check_rotation("rotation", self.rotation),
+            "translation": check_translation("translation", self.translation),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path | Sequence[str | Path],
+        *,
+        size: tuple[int, int] | None = None,
+        layout: str | None = None,
+        units: str | None = None,
+    ) -> StereoCalibration:
+        """Read a calibration file, a folder or a (left, right) pair of files.
+
+        The layout is recognised from the content; ``layout`` names one of ``calibration.files.LAYOUTS`` instead.
+        ``size`` is (width, height) for layouts that hold none, and must agree with a file that does. ``units`` is
+        "mm", "cm" or "m" when the file's lengths are not in the unit of its layout (ROS, Kalibr and FoundationStereo
+        are in metres, the others in mm). Raises `CalibrationUnreadable`, `CalibrationSizeMismatch` or
+        `InvalidCalibration`.
+        """
+        from endosdk.calibration import files
+
+        return cls._checked(files.read(path, size=size, layout=layout, units=units))
+
+    @classmethod
+    def _checked(cls, stated: StatedRig) -> StereoCalibration:
+        """Build from what files state; errors name the file."""
+        try:
+            calibration = cls(**stated.fields)
+        except InvalidCalibration as error:
+            raise InvalidCalibration(f"{stated.source}: {error.argument}", error.rule, error.value) from error
+        if stated.size_given:
+            for side, matrix in (("left", calibration.left_matrix), ("right", calibration.right_matrix)):
+                check_principal_point(side, matrix, (calibration.width, calibration.height), stated.source)
+        check_plausible_baseline(calibration.baseline_mm, stated.source, stated.unit)
+        if stated.sha256 not in (None, calibration.sha256):
+            rule = f"must be the hash of the content, {calibration.sha256}; remove it if the file was edited on purpose"
+            raise CalibrationUnreadable(f"{stated.source}: sha256", rule, stated.sha256)
+        return calibration
+
+    @classmethod
+    def rectified(
+        cls,
+        focal_px: float,
+        baseline_mm: float,
+        size: tuple[int, int],
+        cx: float | None = None,
+        cy: float | None = None,
+        doffs: float = 0.0,
+    ) -> StereoCalibration:
+        """Describe pairs that are already rectified; the principal point defaults to the middle of the picture.
+
+        ``doffs`` is the right camera's cx minus the left camera's, in pixels. Where it is positive, surfaces beyond
+        ``focal_px * baseline_mm / doffs`` have negative disparities, which networks do not find: `DepthEstimator` shows
+        them the right view moved by ``doffs``.
+        """
+        width, height = check_size("size", size)
+        baseline = number("baseline_mm", baseline_mm)
+        if not baseline > 0:
+            raise InvalidCalibration("baseline_mm", "must be positive", baseline)
+        focal = number("focal_px", focal_px)
+        left = np.array(
+            [
+                [focal, 0.0, (width - 1) / 2 if cx is None else number("cx", cx)],
+                [0.0, focal, (height - 1) / 2 if cy is None else number("cy", cy)],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        right = left.copy()
+        right[0, 2] += number("doffs", doffs)
+        none = np.zeros(0)
+        return cls(width, height, left, right, none, none, np.eye(3), np.array([-baseline, 0.0, 0.0]))
+
+    @property
+    def baseline_mm(self) -> float:
+        """Distance between the two camera centres, in mm."""
+        return float(np.linalg.norm(self.translation))
+
+    @property
+    def is_rectified(self) -> bool:
+        """Whether pictures of this rig need no rectification: no distortion, parallel axes, equal rows and focal."""
+        undistorted = not self.left_distortion.any() and not self.right_distortion.any()
+        parallel = np.abs(self.rotation - np.eye(3)).max() <= RECTIFIED_TOLERANCE
+        sideways = np.abs(self.translation[1:]).max() <= RECTIFIED_TOLERANCE * self.baseline_mm
+        return bool(undistorted and parallel and sideways and self._equal_focal_and_rows())
+
+    def _equal_focal_and_rows(self) -> bool:
+        left, right = self.left_matrix, self.right_matrix
+        entries = ((0, 0), (1, 1), (1, 2))
+        return all(abs(left[at] - right[at]) <= RECTIFIED_TOLERANCE * left[0, 0] for at in entries)
+
+    def content(self) -> dict[str, Any]:
+        """Return every field as JSON values; what `sha256` is taken of and `save` writes."""
+        return {
+            "units": "mm",
+            "model": self.model,
+            "width": self.width,
+            "height": self.height,
+            "left": {"matrix": self.left_matrix.tolist(), "distortion": self.left_distortion.tolist()},
+            "right": {"matrix": self.right_matrix.tolist(), "distortion": self.right_distortion.tolist()},
+            "rotation": self.rotation.tolist(),
+            "translation": self.translation.tolist(),
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the content, independent of the file it came from, so that a result can be traced to its rig."""
+        canonical = json.dumps(self.content(), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, StereoCalibration):
+            return NotImplemented
+        return self.content() == other.content()
+
+    def __hash__(self) -> int:
+        return hash((self.width, self.height, self.model, self.left_matrix.tobytes(), self.translation.tobytes()))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Any, ...]]:
+        """Copy and pickle through the constructor, because arrays come back from a pickle writable."""
+        return type(self), tuple(getattr(self, part.name) for part in fields(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write the calibration as endosdk JSON; reading it back gives an equal object. Raises `StorageFailed`."""
+        from endosdk.calibration.files import native
+
+        if not isinstance(path, str | Path):
+            raise InvalidArgument("path", "must be a file name", repr(path))
+        native.write(self.content(), self.sha256, Path(path))
+
+    def scaled(self, width: int, height: int) -> Self:
+        """Return the calibration of the same pictures resized to ``width`` x ``height``."""
+        new_width, new_height = check_size("size", (width, height))
+        scale = new_width / self.width, new_height / self.height
+        return self._with_cameras(
+            new_width, new_height, _scale_rows(self.left_matrix, *scale), _scale_rows(self.right_matrix, *scale)
+        )
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> Self:
+        """Return the calibration of the window at (x, y) that is cut out of both pictures."""
+        x, y, width, height = check_crop((x, y, width, height), (self.width, self.height))
+        return self._with_cameras(
+            width, height, _shift_centre(self.left_matrix, x, y), _shift_centre(self.right_matrix, x, y)
+        )
+
+    def _with_cameras(self, width: int, height: int, left: Matrix, right: Matrix) -> Self:
+        return type(self)(
+            width,
+            height,
+            left,
+            right,
+            self.left_distortion,
+            self.right_distortion,
+            self.rotation,
+            self.translation,
+            self.model,
+        )
+
+    def rectification(self, size: tuple[int, int] | None = None, alpha: float = 0.0) -> RectifiedGeometry:
+        """Return the geometry of the rectified pair, equal to OpenCV's ``stereoRectify`` with zero disparity.
+
+        ``size`` is the rectified (width, height), by default that of the raw pictures; another size is the same view
+        resampled. ``alpha`` 0 keeps only pixels that both sources cover, 1 keeps every source pixel, -1 leaves the
+        choice to OpenCV's rule. A pair that is already rectified stays as it is.
+        """
+        zoom = check_alpha(alpha)
+        if self.is_rectified:
+            geometry = self._identity_geometry()
+        else:
+            left_turn, right_turn, left_view, right_view = _core.stereo_rectify(
+                self.model,
+                self.left_matrix,
+                self.left_distortion,
+                self.right_matrix,
+                self.right_distortion,
+                self.rotation,
+                self.translation,
+                self.width,
+                self.height,
+                zoom,
+            )
+            geometry = RectifiedGeometry(left_turn, right_turn, left_view, right_view, self.width, self.height)
+        return geometry if size is None else geometry.scaled(*check_size("size", size))
+
+    def _identity_geometry(self) -> RectifiedGeometry:
+        left = np.hstack([self.left_matrix, np.zeros((3, 1))])
+        right = np.hstack([self.right_matrix, np.zeros((3, 1))])
+        right[0, 3] = right[0, 0] * self.translation[0]
+        return RectifiedGeometry(np.eye(3), np.eye(3), left, right, self.width, self.height)
+
+
+@dataclass(frozen=True, eq=False)
+class RectifiedGeometry:
+    """Rectifying rotations [3,3], projections [3,4] (OpenCV's R1, R2, P1, P2; mm) and the rectified picture's size."""
+
+    R1: Matrix
+    R2: Matrix
+    P1: Matrix
+    P2: Matrix
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        for name, columns in (("R1", 3), ("R2", 3), ("P1", 4), ("P2", 4)):
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), (3, columns)))
+        if not (self.focal_px > 0 and self.baseline_mm > 0):
+            rule = "must leave a positive focal length and baseline after rectification"
+            raise InvalidCalibration("rectification", rule, (self.focal_px, self.baseline_mm))
+
+    @property
+    def focal_px(self) -> float:
+        """Horizontal focal length of the rectified pair in pixels, the one that depth needs."""
+        return float(self.P1[0, 0])
+
+    @property
+    def focal_y_px(self) -> float:
+        """Vertical focal length in pixels; it differs where pixels are not square, as in half-width video."""
+        return float(self.P1[1, 1])
+
+    @property
+    def baseline_mm(self) -> float:
+        """Distance between the rectified cameras in mm."""
+        return float(-self.P2[0, 3] / self.P2[0, 0])
+
+    @property
+    def cx(self) -> float:
+        """Principal point of the left rectified view, column."""
+        return float(self.P1[0, 2])
+
+    @property
+    def cy(self) -> float:
+        """Principal point of both rectified views, row."""
+        return float(self.P1[1, 2])
+
+    @property
+    def doffs(self) -> float:
+        """Right cx minus left cx in pixels: ``depth = focal_px * baseline_mm / (disparity + doffs)``."""
+        return float(self.P2[0, 2] - self.P1[0, 2])
+
+    def scaled(self, width: int, height: int) -> RectifiedGeometry:
+        """Return the geometry of the rectified pair resized to ``width`` x ``height``."""
+        new_width, new_height = check_size("size", (width, height))
+        scale = new_width / self.width, new_height / self.height
+        return RectifiedGeometry(
+            self.R1, self.R2, _scale_rows(self.P1, *scale), _scale_rows(self.P2, *scale), new_width, new_height
+        )
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> RectifiedGeometry:
+        """Return the geometry of the window at (x, y) that is cut out of both rectified views."""
+        x, y, width, height = check_crop((x, y, width, height), (self.width, self.height))
+        return RectifiedGeometry(
+            self.R1, self.R2, _shift_centre(self.P1, x, y), _shift_centre(self.P2, x, y), width, height
+        )
+
+
+def _scale_rows(projection: Matrix, scale_x: float, scale_y: float) -> Matrix:
+    """Scale a 3x3 or 3x4 projection; pixel centres are whole numbers, hence the half pixel: c' = (c + 0.5) k - 0.5."""
+    scaled = projection.copy()
+    scaled[0] *= scale_x
+    scaled[1] *= scale_y
+    scaled[0, 2] += 0.5 * scale_x - 0.5
+    scaled[1, 2] += 0.5 * scale_y - 0.5
+    return scaled
+
+
+def _shift_centre(projection: Matrix, x: int, y: int) -> Matrix:
+    shifted = projection.copy()
+    shifted[0, 2] -= x
+    shifted[1, 2] -= y
+    return shifted

@@ -1,0 +1,141 @@
+"""What the numbers of a calibration must satisfy. Each check returns the value in its final type or raises."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk.errors import CalibrationSizeMismatch, InvalidArgument, InvalidCalibration
+
+Matrix = npt.NDArray[np.float64]
+CameraModel = Literal["pinhole", "fisheye"]
+
+# Files print rotations with four or more decimals. An error of 1e-4 moves a point 1000 px off the axis by 0.1 px.
+ORTHONORMAL_TOLERANCE = 1e-4
+# What the rectifier implements: Brown-Conrady with tangential terms, the rational form, and the fisheye polynomial.
+COEFFICIENTS = {"pinhole": (0, 4, 5, 8), "fisheye": (0, 4)}
+# No stereo endoscope and no bench rig used to test one lies outside; a metre taken for a millimetre does.
+PLAUSIBLE_BASELINE_MM = (0.5, 500.0)
+
+
+def number(name: str, value: Any) -> float:
+    """Return a finite real number as float."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        raise InvalidCalibration(name, "must be a finite number", repr(value))
+    return float(value)
+
+
+def finite_array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Matrix:
+    """Return a read-only contiguous float64 copy of finite numbers, of the given shape if there is one."""
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidCalibration(name, "must be an array of numbers", repr(value)) from error
+    if shape is not None and array.shape != shape:
+        raise InvalidCalibration(name, f"must have shape {list(shape)}", list(array.shape))
+    if not np.isfinite(array).all():
+        raise InvalidCalibration(name, "must be finite", array.tolist())
+    array.flags.writeable = False
+    return array
+
+
+def check_size(name: str, value: Any) -> tuple[int, int]:
+    """Return a picture size (width, height) as two positive ints."""
+    try:
+        width, height = value
+    except (TypeError, ValueError) as error:
+        raise InvalidArgument(name, "must be (width, height)", repr(value)) from error
+    for side in (width, height):
+        if isinstance(side, bool) or not isinstance(side, Integral) or side <= 0:
+            raise InvalidArgument(name, "must be two positive whole numbers (width, height)", repr(value))
+    return int(width), int(height)
+
+
+def check_crop(window: tuple[int, int, int, int], size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return (x, y, width, height) of a window that lies inside a picture of ``size``."""
+    x, y, width, height = window
+    whole = all(isinstance(part, Integral) and not isinstance(part, bool) for part in window)
+    if not whole or x < 0 or y < 0 or width <= 0 or height <= 0 or x + width > size[0] or y + height > size[1]:
+        rule = f"(x, y, width, height) must be whole numbers inside the {size[0]}x{size[1]} picture"
+        raise InvalidArgument("crop", rule, window)
+    return int(x), int(y), int(width), int(height)
+
+
+def check_alpha(value: Any) -> float:
+    """Return OpenCV's free scaling parameter: 0..1, or -1."""
+    alpha = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not (alpha == -1 or 0 <= alpha <= 1):
+        raise InvalidArgument("alpha", "must be in 0..1, or -1", repr(value))
+    return alpha
+
+
+def check_camera_matrix(name: str, value: Any) -> Matrix:
+    """Return a 3x3 camera matrix: fx, fy > 0, no skew, last row (0, 0, 1)."""
+    matrix = finite_array(name, value, (3, 3))
+    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+        raise InvalidCalibration(name, "must have positive focal lengths", (float(matrix[0, 0]), float(matrix[1, 1])))
+    if matrix[0, 1] != 0 or matrix[1, 0] != 0 or matrix[2].tolist() != [0.0, 0.0, 1.0]:
+        rule = "must read [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; skew is not supported"
+        raise InvalidCalibration(name, rule, matrix.tolist())
+    return matrix
+
+
+def check_distortion(name: str, value: Any, model: str) -> Matrix:
+    """Return a flat vector with as many coefficients as the camera model knows."""
+    coefficients = finite_array(name, value)
+    allowed = COEFFICIENTS[model]
+    if coefficients.ndim != 1 or coefficients.size not in allowed:
+        counts = ", ".join(map(str, allowed))
+        rule = f"must be a flat list of {counts} coefficients for a {model} camera"
+        raise InvalidCalibration(name, rule, f"shape {list(coefficients.shape)}")
+    return coefficients
+
+
+def check_rotation(name: str, value: Any) -> Matrix:
+    """Return a proper rotation: R R' = I within `ORTHONORMAL_TOLERANCE`, determinant +1."""
+    rotation = finite_array(name, value, (3, 3))
+    error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if error > ORTHONORMAL_TOLERANCE:
+        rule = f"must be orthonormal: R R' may differ from I by {ORTHONORMAL_TOLERANCE:g}"
+        raise InvalidCalibration(name, rule, f"a difference of {error:.3g}")
+    determinant = float(np.linalg.det(rotation))
+    if determinant < 0:
+        raise InvalidCalibration(name, "must have determinant +1; this one mirrors", f"{determinant:.6g}")
+    return rotation
+
+
+def check_translation(name: str, value: Any) -> Matrix:
+    """Return the translation of a rig whose right camera is on the right: x negative and the larger part."""
+    translation = finite_array(name, value, (3,))
+    x, y, z = (float(part) for part in translation)
+    if x == y == z == 0:
+        raise InvalidCalibration(name, "must not be zero: the baseline must be positive", translation.tolist())
+    if abs(y) > abs(x) and abs(y) >= abs(z):
+        rule = "must point along x: this rig is vertical; turn both pictures by 90 degrees and calibrate again"
+        raise InvalidCalibration(name, rule, translation.tolist())
+    if abs(z) > abs(x):
+        raise InvalidCalibration(name, "must point along x: one camera stands in front of the other", (x, y, z))
+    if x > 0:
+        rule = "must have negative x: the cameras are swapped, or the transform runs from right to left"
+        raise InvalidCalibration(name, rule, translation.tolist())
+    return translation
+
+
+def check_plausible_baseline(baseline_mm: float, source: str, unit: str) -> None:
+    """Refuse a baseline that only a mistaken unit explains."""
+    low, high = PLAUSIBLE_BASELINE_MM
+    if not low <= baseline_mm <= high:
+        rule = f"{source} read in {unit} must give {low:g} to {high:g} mm; pass units= if it is in mm, cm or m"
+        raise InvalidCalibration("baseline", rule, f"{baseline_mm:.6g} mm")
+
+
+def check_principal_point(side: str, matrix: Matrix, size: tuple[int, int], source: str) -> None:
+    """Refuse a size given by hand that leaves a camera's principal point outside its own picture."""
+    cx, cy = float(matrix[0, 2]), float(matrix[1, 2])
+    if not (0 <= cx < size[0] and 0 <= cy < size[1]):
+        rule = f"must be the size {source} was made for: its {side} principal point is ({cx:.1f}, {cy:.1f})"
+        raise CalibrationSizeMismatch("size", rule, size)

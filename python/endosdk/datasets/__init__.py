@@ -1,0 +1,1 @@
+"""Data sets on disk: our layout, the public ones, and the samples inside the package."""

@@ -1,0 +1,278 @@
+"""Stereo data sets on disk: one kind of sample, a reader, and a writer that never leaves half a sample behind.
+
+A set is a folder: ``dataset.json`` and ``<train|test>/<id>/`` with ``left.png``, ``right.png`` (or ``.jpg``, in a set
+packed to be kept), ``disparity.png``, optionally ``disparity_right.png`` and ``occlusion.png``, and ``sample.json``.
+Disparities are 16-bit pictures of round(256 d), 0 where there is no truth, so they are exact to 1/512 px.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.io.whole_files import whole_folder, write_text
+
+FORMAT_VERSION = 1
+SPLITS = ("train", "test")
+DISPARITY_STEPS = 256.0
+LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
+MATCH_TOLERANCE_PX = 1.0
+PNG_EFFORT = 4  # of 9; more takes several times longer and saves a few per cent
+
+Extras = Mapping[str, Callable[[Path], None]]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One rectified pair with truth: pictures uint8 [H,W,3] RGB, disparities float32 [H,W] in px, NaN = no truth."""
+
+    id: str
+    left: NDArray[np.uint8]
+    right: NDArray[np.uint8]
+    disparity: NDArray[np.float32]
+    disparity_right: NDArray[np.float32] | None
+    occlusion: NDArray[np.bool_] | None  # true where the right view does not see the point
+    focal_px: float
+    baseline_mm: float
+    doffs: float = 0.0
+    info: dict[str, Any] = field(default_factory=dict)
+
+
+def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return where [H,W] the right view does not see what the left one does, from both true disparities.
+
+    A point is seen when one of the two right pixels that its match lies between has its disparity, within 1 px.
+    """
+    width = left.shape[1]
+    column = np.arange(width, dtype=np.float32)[None, :] - left
+    inside = (column >= 0) & np.isfinite(left)
+    first = np.clip(np.floor(np.where(inside, column, 0)).astype(np.int64), 0, width - 1)
+    second = np.minimum(first + 1, width - 1)
+    gaps = [np.abs(np.take_along_axis(right, index, 1) - left) for index in (first, second)]
+    seen = np.fmin(gaps[0], gaps[1]) <= MATCH_TOLERANCE_PX
+    return np.asarray(~(inside & seen))
+
+
+class DatasetReader:
+    """The samples of one split, read from disk when asked for."""
+
+    def __init__(self, root: Path, split: str) -> None:
+        """Read ``dataset.json`` of the set at ``root``."""
+        if split not in SPLITS:
+            raise InvalidArgument("split", f"must be one of {', '.join(SPLITS)}", split)
+        self.root = root
+        self.split = split
+        record = read_record(root)
+        self.name: str = record["name"]
+        self.record = record
+        self._hashes: dict[str, str] = record["samples"][split]
+        self.ids = tuple(sorted(self._hashes))
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __getitem__(self, index: int) -> Sample:
+        return read_sample(self.root / self.split / self.ids[index])
+
+    def __iter__(self) -> Iterator[Sample]:
+        return (self[i] for i in range(len(self)))
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the whole set: of the recorded hashes of all its samples."""
+        lines = [f"{s}/{i}:{h}" for s in SPLITS for i, h in sorted(self.record["samples"][s].items())]
+        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def read_record(root: Path) -> dict[str, Any]:
+    """Return the contents of ``dataset.json``, checked for the keys every set has."""
+    path = root / "dataset.json"
+    try:
+        record: dict[str, Any] = json.loads(path.read_text())
+    except FileNotFoundError as error:
+        raise DatasetInvalid("dataset", "must hold dataset.json; an unfinished set has none", root) from error
+    except (OSError, ValueError) as error:
+        raise DatasetInvalid("dataset", "dataset.json must be readable JSON", f"{path}: {error}") from error
+    for key in ("format_version", "name", "samples"):
+        if not isinstance(record, dict) or key not in record:
+            raise DatasetInvalid("dataset", f"dataset.json must have the key {key}", path)
+    if record["format_version"] != FORMAT_VERSION:
+        raise DatasetInvalid("dataset", f"format_version must be {FORMAT_VERSION}", record["format_version"])
+    samples = record["samples"]
+    if not isinstance(samples, dict) or any(not isinstance(samples.get(split), dict) for split in SPLITS):
+        raise DatasetInvalid("dataset", "samples must map train and test to ids and hashes", path)
+    return record
+
+
+def read_sample(folder: Path) -> Sample:
+    """Read one sample folder. Raises DatasetInvalid naming the file that is missing or wrong."""
+    record = _sample_record(folder)
+    left, right = read_colours(view_file(folder, "left")), read_colours(view_file(folder, "right"))
+    disparity = read_disparity(folder / "disparity.png")
+    for name, array in (("right view", right), ("disparity.png", disparity)):
+        if array.shape[:2] != left.shape[:2]:
+            raise DatasetInvalid(
+                "sample", f"{name} must be as large as the left view {left.shape[:2]}", array.shape[:2]
+            )
+    other = read_disparity(folder / "disparity_right.png") if (folder / "disparity_right.png").exists() else None
+    occlusion = None
+    if (folder / "occlusion.png").exists():
+        occlusion = read_gray(folder / "occlusion.png") > 0
+    camera = record["camera"]
+    return Sample(
+        id=folder.name,
+        left=left,
+        right=right,
+        disparity=disparity,
+        disparity_right=other,
+        occlusion=occlusion,
+        focal_px=float(camera["focal_px"]),
+        baseline_mm=float(camera["baseline_mm"]),
+        doffs=float(camera.get("doffs", 0.0)),
+        info=record.get("info", {}),
+    )
+
+
+def view_file(folder: Path, view: str) -> Path:
+    """Return the file of a sample's ``left`` or ``right`` view: a PNG, or the JPEG of a packed set."""
+    packed = folder / f"{view}.jpg"
+    return packed if packed.exists() else folder / f"{view}.png"
+
+
+def _sample_record(folder: Path) -> dict[str, Any]:
+    path = folder / "sample.json"
+    try:
+        record = json.loads(path.read_text())
+        for key in ("focal_px", "baseline_mm"):
+            float(record["camera"][key])
+        return dict(record)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        rule = "sample.json must be JSON with camera.focal_px and camera.baseline_mm"
+        raise DatasetInvalid("sample", rule, f"{path}: {error!r}") from error
+
+
+def _decode(path: Path, mode: str) -> NDArray[Any]:
+    import cv2
+
+    try:
+        data = np.frombuffer(path.read_bytes(), np.uint8)
+    except OSError as error:
+        raise DatasetInvalid("sample", f"{path.name} must be there and readable", path) from error
+    image = cv2.imdecode(data, getattr(cv2, mode)) if len(data) else None
+    if image is None:
+        raise DatasetInvalid("sample", f"{path.name} must be a picture", path)
+    return np.asarray(image)
+
+
+def read_colours(path: Path) -> NDArray[np.uint8]:
+    """Read a picture as RGB [H,W,3]; a gray one has three equal channels. Raises DatasetInvalid when it is none."""
+    return np.ascontiguousarray(_decode(path, "IMREAD_COLOR")[..., ::-1])
+
+
+def read_gray(path: Path) -> NDArray[np.uint8]:
+    """Read a picture as one channel [H,W] of 8 bits. Raises DatasetInvalid when it is none."""
+    return _decode(path, "IMREAD_GRAYSCALE")
+
+
+def read_disparity(path: Path) -> NDArray[np.float32]:
+    """Read a 16-bit disparity picture; NaN where it holds 0."""
+    raw = _decode(path, "IMREAD_UNCHANGED")
+    if raw.dtype != np.uint16 or raw.ndim != 2:
+        raise DatasetInvalid("sample", f"{path.name} must be 16-bit with one channel", f"{raw.dtype} {raw.shape}")
+    return np.where(raw > 0, raw.astype(np.float32) / np.float32(DISPARITY_STEPS), np.float32(np.nan)).astype(
+        np.float32
+    )
+
+
+def encode_disparity(disparity: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Return round(256 d) as uint16 [H,W]; NaN becomes 0. Raises InvalidArgument for what 16 bits cannot hold."""
+    known = np.isfinite(disparity)
+    scaled = np.round(np.where(known, disparity, 0.0).astype(np.float64) * DISPARITY_STEPS)
+    if known.any() and (scaled[known].min() < 1 or scaled[known].max() > 65535):
+        seen = (float(disparity[known].min()), float(disparity[known].max()))
+        raise InvalidArgument("disparity", f"must lie within 1/256 and {LARGEST_DISPARITY:.3f} px, or be NaN", seen)
+    return scaled.astype(np.uint16)
+
+
+def write_sample(root: Path, split: str, sample: Sample, extras: Extras | None = None) -> str:
+    """Write a sample so that its folder appears complete or not at all; return its sha256.
+
+    ``extras`` maps the names of further files to functions that write them at a path.
+    """
+    final = root / split / sample.id
+    with whole_folder(final, root) as folder:
+        for name, image in _pictures(sample).items():
+            write_picture(folder / name, image)
+        for name, save in (extras or {}).items():
+            save(folder / name)
+        (folder / "sample.json").write_text(json.dumps(_description(sample), indent=1, sort_keys=True) + "\n")
+    return hash_sample(final)
+
+
+def _description(sample: Sample) -> dict[str, Any]:
+    height, width = sample.left.shape[:2]
+    camera = {"focal_px": sample.focal_px, "baseline_mm": sample.baseline_mm, "doffs": sample.doffs}
+    return {"id": sample.id, "camera": {"width": width, "height": height, **camera}, "info": sample.info}
+
+
+def _pictures(sample: Sample) -> dict[str, NDArray[Any]]:
+    pictures: dict[str, NDArray[Any]] = {
+        "left.png": sample.left,
+        "right.png": sample.right,
+        "disparity.png": encode_disparity(sample.disparity),
+    }
+    if sample.disparity_right is not None:
+        pictures["disparity_right.png"] = encode_disparity(sample.disparity_right)
+    if sample.occlusion is not None:
+        pictures["occlusion.png"] = sample.occlusion.astype(np.uint8) * np.uint8(255)
+    return pictures
+
+
+def write_picture(path: Path, image: NDArray[Any]) -> None:
+    """Write a PNG: RGB uint8 [H,W,3], or one channel [H,W] of 8 or 16 bits."""
+    import cv2
+
+    stored = image[..., ::-1] if image.ndim == 3 else image
+    done, data = cv2.imencode(".png", np.ascontiguousarray(stored), [cv2.IMWRITE_PNG_COMPRESSION, PNG_EFFORT])
+    if not done:
+        raise InvalidArgument("sample", f"{path.name} must be a picture PNG can hold", f"{image.dtype} {image.shape}")
+    path.write_bytes(data.tobytes())
+
+
+def write_record(root: Path, record: dict[str, Any]) -> None:
+    """Write ``dataset.json``, which declares the set complete."""
+    write_text(root / "dataset.json", json.dumps(record, indent=1, sort_keys=True) + "\n", "out")
+
+
+def hash_sample(folder: Path) -> str:
+    """Return the sha256 over the names and contents of a sample's files."""
+    total = hashlib.sha256()
+    for path in sorted(folder.iterdir()):
+        total.update(f"{path.name}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()
+
+
+def verify_dataset(root: str | Path) -> Iterator[tuple[str, str | None]]:
+    """Yield (split/id, fault) for each sample: None when its bytes are those recorded, else what is wrong."""
+    root = Path(root)
+    record = read_record(root)
+    for split in SPLITS:
+        recorded = record["samples"][split]
+        for sample_id in sorted(recorded):
+            folder = root / split / sample_id
+            if not folder.is_dir():
+                yield f"{split}/{sample_id}", "missing"
+            elif hash_sample(folder) != recorded[sample_id]:
+                yield f"{split}/{sample_id}", "its bytes differ from those recorded"
+            else:
+                yield f"{split}/{sample_id}", None
+        for folder in sorted(p for p in (root / split).glob("*") if p.name not in recorded):
+            yield f"{split}/{folder.name}", "not in dataset.json"

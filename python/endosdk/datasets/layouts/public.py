@@ -1,0 +1,62 @@
+"""What the readers of public data sets share: a list of samples found on disk, and a hash over their files."""
+
+from __future__ import annotations
+
+import hashlib
+from abc import abstractmethod
+from functools import cached_property
+from pathlib import Path
+from typing import ClassVar
+
+from endosdk.datasets.dataset import SPLITS, DatasetReader, Sample
+from endosdk.errors import DatasetInvalid, InvalidArgument
+
+
+class PublicReader(DatasetReader):
+    """One split of a set that others published; nothing is written beside their files.
+
+    A sub-class says which splits have truth, finds the samples, and reads one.
+    """
+
+    layout: ClassVar[str]
+    splits: ClassVar[tuple[str, ...]]  # those with published truth
+    usual_split: ClassVar[str]
+
+    def __init__(self, root: Path, split: str) -> None:
+        """Find the samples of the split. Raises DatasetInvalid when there is none."""
+        if split not in SPLITS:
+            raise InvalidArgument("split", f"must be one of {', '.join(SPLITS)}", split)
+        if split not in self.splits:
+            rule = f"must be {' or '.join(self.splits)}: the layout {self.layout} has truth for no other"
+            raise InvalidArgument("split", rule, split)
+        self.root, self.split, self.name = root, split, f"{self.layout}:{root.name}"
+        self._files = self.find()
+        if not self._files:
+            raise DatasetInvalid("dataset", f"must hold samples in the layout {self.layout}, split {split}", root)
+        self.ids = tuple(sorted(self._files))
+
+    @abstractmethod
+    def find(self) -> dict[str, tuple[Path, ...]]:
+        """Return the files of each sample by its id, in the order in which `read` takes them."""
+
+    @abstractmethod
+    def read(self, sample_id: str, files: tuple[Path, ...]) -> Sample:
+        """Read one sample. Raises DatasetInvalid naming the file that is missing or wrong."""
+
+    def __getitem__(self, index: int) -> Sample:
+        """Read sample ``index``."""
+        sample_id = self.ids[index]
+        sample = self.read(sample_id, self._files[sample_id])
+        shape = sample.left.shape[:2]
+        for name, found in (("right view", sample.right.shape[:2]), ("truth", sample.disparity.shape)):
+            if found != shape:
+                raise DatasetInvalid("sample", f"{sample_id}: the {name} must be as large as the left {shape}", found)
+        return sample
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash over the names and contents of the files of this split (the whole of it is read)."""
+        total = hashlib.sha256()
+        for path in sorted({path for files in self._files.values() for path in files if path.exists()}):
+            total.update(f"{path.relative_to(self.root)}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+        return total.hexdigest()

@@ -1,0 +1,141 @@
+"""SCARED: porcine abdomen with truth from structured light (Allan et al., 2021).
+
+``dataset_N/keyframe_M/`` holds ``Left_Image.png``, ``Right_Image.png``, ``endoscope_calibration.yaml`` and
+``left_depth_map.tiff``: for each pixel of the raw left view the point it shows, x, y, z in mm in the left camera.
+Where ``data/scene_points.tar.gz`` has been unpacked beside ``data/rgb.mp4`` (left view above the right one), the
+video's frames are samples too; their points come from the keyframe by the camera's motion and are less exact.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
+from endosdk.datasets.dataset import Sample, read_colours
+from endosdk.datasets.layouts.public import PublicReader
+from endosdk.errors import DatasetInvalid
+
+_TEST_SETS = (8, 9)  # of the challenge
+_SAME_SURFACE_PX = 0.5
+
+
+class ScaredReader(PublicReader):
+    """Keyframes and unpacked video frames, rectified here, with the truth brought to the rectified left view."""
+
+    layout = "scared"
+    splits = ("train", "test")
+    usual_split = "test"
+
+    def find(self) -> dict[str, tuple[Path, ...]]:
+        """List the frames of the sets of this split: 1 to 7 for training, 8 and 9 for testing."""
+        found: dict[str, tuple[Path, ...]] = {}
+        for folder in sorted(self.root.glob("dataset*/keyframe*")):
+            number = int("".join(c for c in folder.parent.name if c.isdigit()) or 0)
+            if (number in _TEST_SETS) != (self.split == "test"):
+                continue
+            name, calibration = f"{folder.parent.name}/{folder.name}", folder / "endoscope_calibration.yaml"
+            if (folder / "left_depth_map.tiff").exists():
+                views = folder / "Left_Image.png", folder / "Right_Image.png"
+                found[name] = (*views, folder / "left_depth_map.tiff", calibration)
+            video = folder / "data" / "rgb.mp4"
+            for points in sorted((folder / "data" / "scene_points").glob("scene_points*.tiff")):
+                found[f"{name}/{points.stem.removeprefix('scene_points')}"] = (video, points, calibration)
+        return found
+
+    def read(self, sample_id: str, files: tuple[Path, ...]) -> Sample:
+        """Read and rectify one frame."""
+        *views, cloud, calibration = files
+        points = _read_points(cloud)
+        if len(views) == 2:
+            left, right = (read_colours(view) for view in views)
+        else:
+            left, right = _video_frame(views[0], int(sample_id.rsplit("/", 1)[1]))
+            points = points[: points.shape[0] // 2]  # those of the right view lie below
+        if points.shape[:2] != left.shape[:2]:
+            raise DatasetInvalid("sample", f"{cloud.name} must be as large as the left view", points.shape[:2])
+        rig = StereoCalibration.load(calibration, size=(left.shape[1], left.shape[0]))
+        geometry = rig.rectification()
+        left_map, right_map = _maps(rig, geometry)
+        return Sample(
+            id=sample_id,
+            left=_sampled(left, left_map),
+            right=_sampled(right, right_map),
+            disparity=_true_disparity(points, geometry, left_map),
+            disparity_right=None,
+            occlusion=None,
+            focal_px=geometry.focal_px,
+            baseline_mm=geometry.baseline_mm,
+            doffs=geometry.doffs,
+            info={"layout": self.layout},
+        )
+
+
+def _read_points(path: Path) -> NDArray[np.float32]:
+    import cv2
+
+    points: Any = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.exists() else None
+    if points is None or points.dtype != np.float32 or points.ndim != 3 or points.shape[2] != 3:
+        raise DatasetInvalid("sample", f"{path.name} must be a float32 picture of x, y, z", path)
+    return np.asarray(points[..., ::-1])  # OpenCV turns the order of channels
+
+
+def _video_frame(path: Path, index: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    import cv2
+
+    video = cv2.VideoCapture(str(path))
+    try:
+        video.set(cv2.CAP_PROP_POS_FRAMES, index)
+        there, frame = video.read()
+    finally:
+        video.release()
+    if not there:
+        raise DatasetInvalid("sample", f"{path.name} must be a video with frame {index}", path)
+    colours = np.ascontiguousarray(np.asarray(frame, dtype=np.uint8)[..., ::-1])
+    half = colours.shape[0] // 2
+    return colours[:half], colours[half:]
+
+
+def _maps(rig: StereoCalibration, geometry: RectifiedGeometry) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """For both views, where in the raw one each rectified pixel looks: float32 [H, W, 2], column then row."""
+    import cv2
+
+    size = (geometry.width, geometry.height)
+    cameras = (
+        (rig.left_matrix, rig.left_distortion, geometry.R1, geometry.P1),
+        (rig.right_matrix, rig.right_distortion, geometry.R2, geometry.P2),
+    )
+    left, right = (np.stack(cv2.initUndistortRectifyMap(*camera, size, cv2.CV_32FC1), -1) for camera in cameras)
+    return left.astype(np.float32, copy=False), right.astype(np.float32, copy=False)
+
+
+def _sampled(view: NDArray[np.uint8], where: NDArray[np.float32]) -> NDArray[np.uint8]:
+    import cv2
+
+    return np.asarray(cv2.remap(view, where[..., 0], where[..., 1], cv2.INTER_LINEAR), dtype=np.uint8)
+
+
+def _true_disparity(
+    points: NDArray[np.float32], geometry: RectifiedGeometry, where: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Disparity [H, W] in the rectified left view of the points that the raw one shows; NaN where there is none.
+
+    On one surface it is interpolated between pixels; across an edge, where a mean would be a surface that is not
+    there, the nearest pixel's value is taken.
+    """
+    import cv2
+
+    depth = points @ geometry.R1[2].astype(np.float32)
+    known = np.isfinite(depth) & (depth > 0)
+    raw = np.full(depth.shape, np.nan, np.float32)
+    raw[known] = geometry.focal_px * geometry.baseline_mm / depth[known] - geometry.doffs
+    smooth, nearest = (
+        cv2.remap(raw, where[..., 0], where[..., 1], mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(np.nan,) * 4)
+        for mode in (cv2.INTER_LINEAR, cv2.INTER_NEAREST)
+    )
+    with np.errstate(invalid="ignore"):
+        one_surface = np.abs(smooth - nearest) < _SAME_SURFACE_PX
+    return np.where(one_surface, smooth, nearest).astype(np.float32)

@@ -1,0 +1,1 @@
+"""Metrics, scores and the methods that are compared."""

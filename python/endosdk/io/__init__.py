@@ -1,0 +1,1 @@
+"""Pictures, point clouds and serving folders, in and out."""

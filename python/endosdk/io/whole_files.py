@@ -1,0 +1,91 @@
+"""Files and folders that are written whole or not at all, and what is left of them after a crash."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from endosdk.errors import StorageFailed
+
+PARTIAL = ".partial-"
+
+
+@contextmanager
+def whole_file(path: Path, argument: str = "path") -> Iterator[BinaryIO]:
+    """Yield a binary stream whose content becomes ``path`` once it is complete and on the disk.
+
+    A reader never meets half a file, and an error leaves the old one as it was. Raises `StorageFailed`, which names
+    the caller's ``argument``. It also refuses a ``path`` that is no regular file: a device must not be replaced.
+    """
+    if path.exists() and not path.is_file():
+        raise StorageFailed(argument, "must be a regular file or not exist", path)
+    partial: Path | None = None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f"{PARTIAL}{path.name}-", dir=path.parent)
+        partial = Path(name)
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        # mkstemp makes the file private. Others may read it as far as the umask lets them.
+        partial.chmod(0o666 & ~_umask())
+        partial.replace(path)
+    except OSError as error:
+        raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror or error})") from error
+    finally:
+        if partial is not None:
+            partial.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str, argument: str = "path") -> None:
+    """Write text in UTF-8, whole or not at all. Raises `StorageFailed`."""
+    with whole_file(path, argument) as stream:
+        stream.write(text.encode())
+
+
+@contextmanager
+def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
+    """Yield a new folder in ``staging``, on the same disk, that becomes ``final`` once its files have reached the disk.
+
+    A folder that is there already is replaced. Raises `StorageFailed`.
+    """
+    partial = staging / f"{PARTIAL}{final.parent.name}-{final.name}-{os.getpid()}"
+    try:
+        partial.mkdir(parents=True, exist_ok=True)
+        yield partial
+        for path in partial.iterdir():
+            _flush(path)
+        final.parent.mkdir(exist_ok=True)
+        if final.exists():
+            shutil.rmtree(final)
+        partial.rename(final)
+    except OSError as error:
+        raise StorageFailed("out", "must be writable", f"{final}: {error}") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def remove_partials(folder: Path) -> None:
+    """Remove what killed processes left in ``folder``. Raises `StorageFailed`."""
+    try:
+        for left_over in folder.glob(f"{PARTIAL}*"):
+            shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
+    except OSError as error:
+        raise StorageFailed("out", "what killed processes left must be removable", f"{folder}: {error}") from error
+
+
+def _flush(path: Path) -> None:
+    """Wait until a file has reached the disk, so that a rename cannot outrun its data."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,1 @@
+"""Work over many frames: batch, benchmark, processes and their progress."""

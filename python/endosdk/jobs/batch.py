@@ -1,0 +1,236 @@
+"""Depth of every stereo pair of an archive: two folders of pictures in, a folder of maps for each pair out.
+
+A pair's folder appears whole or not at all, and holds the same whoever computed it: this process, several, or a Ray
+cluster whose machines all see the folders. So a batch that was stopped is continued by starting it again.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.io.picture_pairs import pair_pictures
+from endosdk.io.pictures import read_frame, write_maps
+from endosdk.io.whole_files import remove_partials, whole_folder, write_text
+from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
+from endosdk.jobs.progress import show_progress
+from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.models import shipped_models
+from endosdk.runtime.result import DepthResult
+
+FORMAT_VERSION = 1
+RECORD = "batch.json"
+PAIRS = "pairs"  # folder of the pairs' folders
+SHARE = 8  # pairs that a worker is given at a time
+
+
+class PairFiles(NamedTuple):
+    """The two pictures of a pair, and the name of its folder."""
+
+    name: str
+    left: Path
+    right: Path
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the maps depend on, beside the pictures."""
+
+    model: str  # shipped name or path
+    calibration: StereoCalibration | None = None  # None: the pairs are rectified, and there is no depth
+    network_size: tuple[int, int] | None = None
+    provider: str = "cpu"
+    threads: int | None = None  # of one worker; the maps do not depend on it
+
+
+def find_pairs(left: str | Path, right: str | Path) -> list[PairFiles]:
+    """Match the pictures of two folders as `pair_pictures` does; a pair goes by the name of its left picture."""
+    matched = pair_pictures(Path(left).resolve(), Path(right).resolve())
+    return [PairFiles(left_file.stem, left_file, right_file) for left_file, right_file in matched]
+
+
+def run_batch(
+    pairs: Sequence[PairFiles], settings: Settings, out: str | Path, *, workers: int = 1, ray: bool = False
+) -> dict[str, Any]:
+    """Compute what is missing in ``out`` with a progress bar; return the record, which is also ``out/batch.json``.
+
+    ``workers`` is how many processes work at a time, on this machine or, with ``ray``, on the cluster. The record has
+    the settings, how many pairs got which `Status`, and ``failed``: the error of each pair whose pictures cannot be
+    used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of other settings,
+    StorageFailed where it cannot be written, DatasetInvalid where a finished pair was damaged, InferenceFailed where a
+    worker is killed. Pictures that changed under the same name are not noticed.
+    """
+    if workers < 1:
+        raise InvalidArgument("workers", "must be at least 1", workers)
+    if ray and settings.provider != "cpu":
+        raise InvalidArgument("provider", "must be cpu on a Ray cluster", settings.provider)
+    if settings.model not in shipped_models():
+        settings = replace(settings, model=str(Path(settings.model).resolve()))  # workers start in other folders
+    # Here too, before anything is written: a wrong setting is told at once, and all workers must load this very model.
+    model = _opened(settings).model
+    described = {
+        "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
+        "calibration_sha256": None if settings.calibration is None else settings.calibration.sha256,
+        "network_size": None if settings.network_size is None else list(settings.network_size),
+        "provider": settings.provider,
+    }
+    job = _Job(Path(out).resolve(), settings, model.sha256)
+    _claim(job.out, described)
+    failed = _compute(job, [pair for pair in pairs if not job.folder(pair).is_dir()], workers, ray)
+    counts = Counter(_status(job.folder(pair)) for pair in pairs if pair.name not in failed)
+    record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
+    remove_partials(job.out)
+    write_text(job.out / RECORD, json.dumps(record, indent=1) + "\n", "out")
+    return record
+
+
+def _status(folder: Path) -> str:
+    try:
+        return str(json.loads((folder / "result.json").read_text())["status"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        rule = "a finished pair was changed; delete its folder, and the same command computes it again"
+        raise DatasetInvalid("out", rule, f"{folder}: {error!r}") from error
+
+
+@dataclass(frozen=True)
+class _Job:
+    out: Path
+    settings: Settings
+    model_sha256: str
+
+    def folder(self, pair: PairFiles) -> Path:
+        return self.out / PAIRS / pair.name
+
+
+def _claim(out: Path, described: dict[str, Any]) -> None:
+    """Note the settings in a new folder, or check that the folder was begun with the same ones."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if (out / RECORD).exists():
+            if _begun(out / RECORD) != described:
+                raise InvalidArgument(
+                    "out", "must be new, or hold a batch of the same model, rig and size, by the same provider", out
+                )
+        elif any(out.iterdir()):
+            raise InvalidArgument("out", "must be an empty or new folder, or a batch begun by this command", out)
+        else:
+            begun = {"format_version": FORMAT_VERSION, "settings": described}
+            write_text(out / RECORD, json.dumps(begun, indent=1) + "\n", "out")
+        (out / PAIRS).mkdir(exist_ok=True)
+        remove_partials(out)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+
+
+def _begun(path: Path) -> Any:
+    """Return the settings of a batch. Raises InvalidArgument where the file is none of this version."""
+    try:
+        record = json.loads(path.read_text())
+        if record["format_version"] == FORMAT_VERSION:
+            return record["settings"]
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise InvalidArgument("out", f"{RECORD} must be what this version wrote", path)
+
+
+def _compute(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> dict[str, str]:
+    """Compute the missing pairs; return the errors of those whose pictures cannot be used, by name."""
+    errors: dict[str, str] = {}
+    done = 0
+    started = time.monotonic()
+    for found in _shares(job, missing, workers, ray):
+        for name, error in found.items():
+            done += 1
+            if error is not None:
+                errors[name] = error
+        show_progress(done, len(missing), time.monotonic() - started)
+    return dict(sorted(errors.items()))
+
+
+def _shares(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> Iterator[dict[str, str | None]]:
+    if not missing:
+        return
+    if workers == 1 and not ray:
+        yield from (_answer_all(job, [pair]) for pair in missing)
+        return
+    tasks = [missing[first : first + SHARE] for first in range(0, len(missing), SHARE)]
+    work = partial(_answer_all, job)
+    if ray:
+        yield from work_on_ray(work, tasks, workers, cores=job.settings.threads or 1)
+        return
+    try:
+        yield from work_apart(work, tasks, workers)
+    except WorkerKilled as error:
+        rule = "a worker was killed, perhaps for want of memory; the same command continues the batch"
+        raise InferenceFailed("workers", rule, error) from error
+
+
+# Of this process: loading a model anew for every share would cost more than running it.
+_estimators: dict[tuple[object, ...], DepthEstimator] = {}
+
+
+def _opened(settings: Settings) -> DepthEstimator:
+    rig = settings.calibration
+    key = (settings.model, rig and rig.sha256, settings.network_size, settings.provider, settings.threads)
+    if key not in _estimators:
+        _estimators.clear()
+        _estimators[key] = DepthEstimator(
+            settings.model,
+            calibration=rig,
+            provider=settings.provider,
+            threads=settings.threads,
+            network_size=settings.network_size,
+        )
+    return _estimators[key]
+
+
+def _answer_all(job: _Job, pairs: list[PairFiles]) -> dict[str, str | None]:
+    """Answer some pairs; return the error of each, None where there was none."""
+    estimator = _opened(job.settings)
+    if estimator.model.sha256 != job.model_sha256:
+        # A processor without instructions for 8-bit integers gets the model's twin in floats.
+        rule = "every machine of the cluster must load the same; name a model in floats"
+        raise InvalidArgument("model", rule, f"{estimator.model.name} on one of them")
+    # A pair may be there already: of a worker that was killed before it had done its share.
+    return {pair.name: None if job.folder(pair).is_dir() else _answer(job, estimator, pair) for pair in pairs}
+
+
+def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None:
+    try:
+        result = estimator.predict(read_frame(pair.left), read_frame(pair.right))
+    except (InvalidArgument, CalibrationSizeMismatch) as error:
+        return str(error)
+    with whole_folder(job.folder(pair), job.out) as folder:
+        write_maps(folder, result)
+        (folder / "result.json").write_text(json.dumps(_described(pair, result), indent=1) + "\n")
+    return None
+
+
+def _described(pair: PairFiles, result: DepthResult) -> dict[str, Any]:
+    geometry = result.geometry
+    answered = result.reasons == 0
+    return {
+        "left": pair.left.name,
+        "right": pair.right.name,
+        "status": result.status.name,
+        "valid_share": round(result.valid_share, 4),
+        "median_disparity_px": _median(result.disparity[answered]),
+        "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[answered]),
+        "geometry": None
+        if geometry is None
+        else {name: getattr(geometry, name) for name in ("focal_px", "baseline_mm", "cx", "cy", "doffs")},
+    }
+
+
+def _median(values: Any) -> float | None:
+    return round(float(np.median(values)), 3) if values.size else None

@@ -1,0 +1,262 @@
+"""Time a model end to end on rendered raw pairs whose truth is known; the answer is checked before the clock starts."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.datasets.samples import RawPair, sample_pairs
+from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.evaluation.metrics import end_point_error
+from endosdk.evaluation.sgbm import SgbmBaseline, fill_holes
+from endosdk.jobs.machine import machine_record
+from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.rectify import RectifyStage
+
+Picture = npt.NDArray[np.uint8]
+
+# A model whose error on the shipped pairs is beyond this share of the mean disparity is not working, and its speed
+# would mean nothing.
+BROKEN_SHARE = 0.25
+
+STAGES = ("rectify", "session", "postprocess")
+
+# Rivals take turns, so that other load on the machine hits all of them.
+TURNS = 5
+RIVAL_FRAMES = 100  # at most: their spread is small, and they need not double the waiting time
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """What to time."""
+
+    model: str
+    size: tuple[int, int]  # (width, height) of the camera frames, px
+    network_size: tuple[int, int] | None
+    threads: int
+    frames: int
+    warmup: int
+    provider: str
+    against: str | None
+
+
+def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
+    """Run the benchmark and return its record (see the README of ``benchmarks`` for every key).
+
+    ``window`` is the part of the shipped pairs, (x, y, width, height) in px, that was resized to ``size``: the frames
+    of another rig, with whose rectified truth ``epe_px`` is measured.
+    """
+    for name, value in (("frames", settings.frames), ("warmup", settings.warmup)):
+        if value < 1:
+            raise InvalidArgument(name, "must be at least 1", value)
+    shipped = sample_pairs()
+    pairs = [pair.resized(*settings.size) for pair in shipped]
+    # All shipped pairs come from one rig, so one estimator serves them all.
+    estimator = DepthEstimator(
+        settings.model,
+        calibration=pairs[0].calibration,
+        provider=settings.provider,
+        threads=settings.threads,
+        network_size=settings.network_size,
+    )
+    epe = _checked_error(estimator, pairs)
+    sgbm = _Sgbm(pairs, settings) if settings.against == "sgbm" else None
+    frames, streamed = _time_in_turns(estimator, sgbm, pairs, settings)
+    total = [frame[0] for frame in frames]
+    startup, memory = _fresh_process(settings, pairs[0].calibration)
+    return {
+        "command": _command(settings),
+        "model": {
+            "name": estimator.model.name,
+            "version": estimator.model.version,
+            "sha256": estimator.model.sha256,
+        },
+        "size": list(settings.size),
+        "window": list(shipped[0].window(*settings.size)),
+        "network_size": list(estimator.diagnostics()["network_size"]),
+        "provider": estimator.diagnostics()["provider"],
+        "frames": settings.frames,
+        "epe_px": epe,
+        "fps": 1000 / float(np.mean(total)),
+        "stream_fps": streamed,
+        "startup_s": startup,
+        "latency_ms": _spread(total),
+        "stages_ms": {
+            name: float(np.median([frame[stage] for frame in frames])) for stage, name in enumerate(STAGES, start=1)
+        },
+        "peak_rss_mb": memory,
+        "against": {} if sgbm is None else {"sgbm": sgbm.record()},
+        "machine": {**machine_record(), "threads": settings.threads, "kernels": estimator.diagnostics()["kernels"]},
+    }
+
+
+def _command(settings: BenchSettings) -> str:
+    """Return the command that measures the same again; of a file only its name: no private paths."""
+    size, network = ("x".join(map(str, pair)) if pair else None for pair in (settings.size, settings.network_size))
+    words = ["endosdk-bench", "--model", Path(settings.model).name, "--size", str(size)]
+    words += ["--network-size", network] if network else []
+    for name in ("threads", "frames", "warmup", "provider"):
+        words += [f"--{name}", str(getattr(settings, name))]
+    return " ".join([*words, "--against", settings.against or "none"])
+
+
+def write_record(path: Path, record: dict[str, Any]) -> None:
+    """Write one record as JSON."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(record, indent=2) + "\n")
+    except OSError as error:
+        raise StorageFailed("json", "the file must be writable", error) from error
+
+
+def _checked_error(estimator: DepthEstimator, pairs: list[RawPair]) -> float:
+    """Mean error over the shipped pairs, px; refuse to time a model that gives nonsense."""
+    errors = [_error(estimator.predict(pair.left, pair.right).disparity, pair) for pair in pairs]
+    epe = float(np.mean(errors))
+    limit = BROKEN_SHARE * float(np.mean([np.nanmean(pair.disparity) for pair in pairs]))
+    if not epe < limit:
+        raise InferenceFailed(
+            "model", f"must be within {limit:.1f} px of the truth before it is timed", f"{epe:.2f} px"
+        )
+    return epe
+
+
+def _time_in_turns(
+    estimator: DepthEstimator, sgbm: _Sgbm | None, pairs: list[RawPair], settings: BenchSettings
+) -> tuple[list[tuple[float, float, float, float]], float]:
+    """Milliseconds of every frame, in all and by stage, and the frames a second of a stream."""
+    frames: list[tuple[float, float, float, float]] = []
+    stream_seconds, streamed = 0.0, 0
+    for turn in range(TURNS):
+        first, end = settings.frames * turn // TURNS, settings.frames * (turn + 1) // TURNS
+        if first == end:
+            continue
+        _progress(f"turn {turn + 1} of {TURNS}")
+        frames += _time_frames(estimator, pairs, settings.warmup, end - first)
+        count = min(end - first, RIVAL_FRAMES // TURNS)
+        stream_seconds += _time_stream(estimator, pairs, settings.warmup, count)
+        streamed += count
+        if sgbm is not None:
+            sgbm.time(settings.warmup, count)
+    _progress("\n")
+    return frames, streamed / stream_seconds
+
+
+def _time_frames(
+    estimator: DepthEstimator, pairs: list[RawPair], warmup: int, count: int
+) -> list[tuple[float, float, float, float]]:
+    result = None
+    frames = []
+    for number in range(warmup + count):
+        pair = pairs[number % len(pairs)]
+        started = time.perf_counter()
+        result = estimator.predict(pair.left, pair.right, out=result)
+        elapsed = 1e3 * (time.perf_counter() - started)
+        spent = result.timings
+        frames.append((elapsed, spent.rectify_ms, spent.session_ms, spent.postprocess_ms))
+    return frames[warmup:]
+
+
+def _time_stream(estimator: DepthEstimator, pairs: list[RawPair], warmup: int, count: int) -> float:
+    """Seconds that `DepthEstimator.stream` takes for so many frames."""
+    source = ((pair.left, pair.right) for pair in itertools.islice(itertools.cycle(pairs), warmup + count))
+    started = 0.0
+    for number, _ in enumerate(estimator.stream(source, reuse=True), start=1):
+        if number == warmup:
+            started = time.perf_counter()
+    return time.perf_counter() - started
+
+
+def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[float, float]:
+    """Seconds from the import to the first answer in a fresh process (median of three), and its peak memory, MB."""
+    width, height = settings.size
+    program = (
+        "import time; begun = time.perf_counter()\n"
+        "import sys, endosdk, numpy\n"
+        "rig = endosdk.StereoCalibration.load(sys.argv[3])\n"
+        f"frame = numpy.zeros(({height}, {width}, 3), numpy.uint8)\n"
+        "estimator = endosdk.DepthEstimator(sys.argv[1], calibration=rig, provider=sys.argv[2], "
+        f"threads={settings.threads}, network_size={settings.network_size})\n"
+        "estimator.predict(frame, frame)\n"
+        "import resource\n"
+        "print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rig.json"
+        rig.save(file)
+        command = [sys.executable, "-c", program, settings.model, settings.provider, str(file)]
+        runs = [subprocess.run(command, capture_output=True, check=True, text=True).stdout.split() for _ in range(3)]
+    return sorted(float(seconds) for seconds, _ in runs)[1], max(float(memory) for _, memory in runs)
+
+
+class _Sgbm:
+    """StereoSGBM (three paths) on the same rectified pictures; rectification is not counted against it."""
+
+    def __init__(self, pairs: list[RawPair], settings: BenchSettings) -> None:
+        self._threads = settings.threads
+        self._matcher = SgbmBaseline()
+        self._milliseconds: list[float] = []
+        self._rectified = [_rectified(pair) for pair in pairs]
+        found = [self._matcher.compute(*views) for views in self._rectified]
+        self._answered = float(np.mean([np.isfinite(disparity).mean() for disparity in found]))
+        self._epe = float(
+            np.mean([_error(fill_holes(disparity), pair) for disparity, pair in zip(found, pairs, strict=True)])
+        )
+
+    def time(self, warmup: int, count: int) -> None:
+        """Time so many frames more."""
+        import cv2
+
+        before = cv2.getNumThreads()
+        cv2.setNumThreads(self._threads)
+        try:
+            for number in range(warmup + count):
+                started = time.perf_counter()
+                self._matcher.compute(*self._rectified[number % len(self._rectified)])
+                if number >= warmup:
+                    self._milliseconds.append(1e3 * (time.perf_counter() - started))
+        finally:
+            cv2.setNumThreads(before)
+
+    def record(self) -> dict[str, Any]:
+        """Return what was measured, JSON-ready."""
+        return {
+            "fps": 1000 / float(np.mean(self._milliseconds)),
+            "epe_px": self._epe,
+            "answered_share": self._answered,
+            "latency_ms": _spread(self._milliseconds),
+            "includes": "matching of rectified pictures only; holes are filled for the error, not for the time",
+        }
+
+
+def _rectified(pair: RawPair) -> tuple[Picture, Picture]:
+    """Rectify at the size of the frames, whatever size the network works at. RGB uint8 [H, W, 3]."""
+    height, width = pair.left.shape[:2]
+    left, right = (np.empty((3, height, width), np.uint8) for _ in range(2))
+    RectifyStage((width, height), pair.calibration, (width, height))(pair.left, pair.right, left, right, "rgb")
+    return np.ascontiguousarray(left.transpose(1, 2, 0)), np.ascontiguousarray(right.transpose(1, 2, 0))
+
+
+def _error(disparity: npt.NDArray[np.float32], pair: RawPair) -> float:
+    return float(end_point_error(disparity, pair.disparity))
+
+
+def _spread(milliseconds: list[float]) -> dict[str, float]:
+    p50, p95, p99 = np.percentile(milliseconds, (50, 95, 99))
+    return {"p50": float(p50), "p95": float(p95), "p99": float(p99), "max": max(milliseconds)}
+
+
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r{text}", end="", file=sys.stderr, flush=True)

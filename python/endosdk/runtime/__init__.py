@@ -1,0 +1,1 @@
+"""The frame path's Python face: model, session, estimator, result."""

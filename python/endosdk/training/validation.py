@@ -1,0 +1,111 @@
+"""Errors of a network on whole frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import Tensor
+from tqdm import tqdm
+
+from endosdk.datasets.dataset import DatasetReader, Sample
+from endosdk.errors import DatasetInvalid, InferenceFailed
+from endosdk.evaluation.scores import ScoreBoard
+from endosdk.training.data import planar
+from endosdk.training.frame_size import reduced_view, reduction
+from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.upsampling import on_input_grid, to_input_grid
+
+
+class Frame(NamedTuple):
+    """What a network says about one pair, at the size of the frame."""
+
+    sample: Sample
+    maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W], px of the frame
+    evidence: Tensor  # [K, H, W]
+    reduction: int  # pixels of the frame per pixel that the network saw
+
+
+def pad_to_multiple(image: Tensor, multiple: int) -> Tensor:
+    """Repeat the last row and column until height and width of [N, C, H, W] are multiples."""
+    height, width = image.shape[-2:]
+    return F.pad(image, (0, -width % multiple, 0, -height % multiple), mode="replicate")
+
+
+@torch.inference_mode()
+def predict_frames(
+    network: StereoNetwork, reader: DatasetReader, indices: Sequence[int], *, refined: bool = True, title: str = ""
+) -> Iterator[Frame]:
+    """Run the network in evaluation mode over whole pairs, with a progress bar when there is a title."""
+    device = next(network.parameters()).device
+    network.eval()
+    for index in tqdm(indices, desc=title, unit="pair", disable=not title, leave=False):
+        sample = reader[index]
+        factor = reduction(sample.left.shape[1], network.usual_width)
+        left, right = (
+            pad_to_multiple(planar(reduced_view(view, factor))[None].to(device, torch.float32), network.input_multiple)
+            for view in (sample.left, sample.right)
+        )
+        prediction = network(left, right, refined=refined)
+        maps = [
+            factor * _to_frame(found, factor, sample)[0].numpy()
+            for found in on_input_grid(network, prediction, left, refined=refined)
+        ]
+        evidence = _to_frame(network.on_answer_grid(prediction.evidence), network.output_stride * factor, sample)
+        yield Frame(sample, maps, evidence, factor)
+
+
+def _to_frame(values: Tensor, stride: int, sample: Sample) -> Tensor:
+    """Enlarge [1, C, h, w] to the frame [C, H, W]; rows and columns beyond the grid repeat the last."""
+    height, width = sample.left.shape[:2]
+    whole = to_input_grid(values, stride)
+    missing = (0, max(0, width - whole.shape[3]), 0, max(0, height - whole.shape[2]))
+    return F.pad(whole, missing, mode="replicate")[0, :, :height, :width].cpu()
+
+
+def mean_errors(
+    network: StereoNetwork, reader: DatasetReader, indices: Sequence[int], *, refined: bool
+) -> dict[str, float]:
+    """Error of each map, px, and the share of pixels of the last that are off by more than 1 px.
+
+    Raises DatasetInvalid where no pixel has truth, InferenceFailed where none gets a number for an answer.
+    """
+    names = ("epe_coarse", "epe_refined")[: 2 if refined else 1]
+    boards = {name: ScoreBoard() for name in names}
+    for frame in predict_frames(network, reader, indices, refined=refined, title="validation"):
+        for name, found in zip(names, frame.maps, strict=True):
+            boards[name].add(found, frame.sample.disparity)
+    results = {name: board.result()["all"] for name, board in boards.items()}
+    if not results[names[0]]["pixels"]:
+        raise DatasetInvalid("dataset", "must have truth in the held-out pairs", f"none in {reader.name}")
+    if not all(result["answered"] for result in results.values()):
+        rule = "must answer with numbers; a run whose weights have become none needs a smaller rate"
+        raise InferenceFailed("network", rule, "NaN in every pixel")
+    return {**{name: result["epe_px"] for name, result in results.items()}, "over_1px": results[names[-1]]["kpe_1"]}
+
+
+def full_scores(network: StereoNetwork, reader: DatasetReader) -> dict[str, Any]:
+    """Every measure of `ScoreBoard` over a split, confidence and expected depth error included."""
+    board = ScoreBoard()
+    for frame in predict_frames(network, reader, range(len(reader)), title="test split"):
+        sample, disparity = frame.sample, frame.maps[-1]
+        scale = torch.exp(network.confidence.log_scale(frame.evidence[None]))[0, 0].numpy()
+        # Depth error of a Laplace law of scale b: its standard deviation, sqrt(2) b px of the frame, brought to mm.
+        reach = np.maximum(disparity + sample.doffs, 0.5)
+        sigma = sample.focal_px * sample.baseline_mm / reach**2 * math.sqrt(2.0) * scale * frame.reduction
+        board.add(
+            disparity,
+            sample.disparity,
+            occlusion=sample.occlusion,
+            focal_px=sample.focal_px,
+            baseline_mm=sample.baseline_mm,
+            doffs=sample.doffs,
+            sigma=sigma,
+            confidence=1.0 - np.exp(-1.0 / scale),
+        )
+    return board.result()

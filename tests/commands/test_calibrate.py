@@ -1,0 +1,89 @@
+"""``endosdk calibrate`` as typed: summaries, files written, and one clear line for every mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.cli import main
+from tests.rigs import raw_rig
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    raw_rig().save(tmp_path / "rig.json")
+    return tmp_path / "rig.json"
+
+
+def test_convert_prints_what_a_person_checks(rig_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", "convert", str(rig_file)]) == 0
+    shown = capsys.readouterr().out
+    for part in (
+        "640x480",
+        "focal 520.5 x 521.8 px",
+        "baseline    4.612 mm",
+        "turned by 1.51 degrees",
+        "to be rectified",
+    ):
+        assert part in shown
+    assert raw_rig().sha256 in shown and "written" not in shown
+
+
+def test_convert_writes_our_file_from_another_layout(tmp_path: Path) -> None:
+    (tmp_path / "K.txt").write_text("700.5 0 319.5 0 700.5 239.5 0 0 1\n0.0042\n")
+    out = tmp_path / "out.json"
+    words = ["calibrate", "convert", str(tmp_path / "K.txt"), "--size", "640x480"]
+    assert main([*words, "--units", "m", "--layout", "foundationstereo", "--out", str(out)]) == 0
+    rig = StereoCalibration.load(out)
+    assert rig.is_rectified and rig.baseline_mm == pytest.approx(4.2)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["missing.json"], "must exist"),
+        (["{rig}", "--size", "320x240"], "size: must agree with rig.json"),
+        (["{rig}", "--size", "big"], "WIDTHxHEIGHT"),
+        (["{rig}", "--layout", "matlab"], "layout: must be one of"),
+        (["{rig}", "--out", "{folder}/no/rig.json"], "path: must be writable"),
+        (["{rig}", "{rig}"], "one file"),
+    ],
+)
+def test_convert_says_in_one_line_what_is_wrong(
+    rig_file: Path, words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [word.format(rig=rig_file, folder=rig_file.parent) for word in words]
+    assert main(["calibrate", "convert", *given]) == 2
+    error = capsys.readouterr().err
+    assert line in error and error.startswith("endosdk calibrate: ") and error.count("\n") == 1
+
+
+def picture_folder(folder: Path, *names: str, size: tuple[int, int] = (60, 80)) -> Path:
+    import cv2
+
+    folder.mkdir()
+    for name in names:
+        cv2.imwrite(str(folder / name), np.full((*size, 3), 128, np.uint8))
+    return folder
+
+
+def test_pictures_without_a_board_are_skipped_and_too_few_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = picture_folder(tmp_path / "l", "1.png"), picture_folder(tmp_path / "r", "1.png")
+    words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
+    error = capsys.readouterr().err
+    assert "no whole board, skipped" in error and "pairs: must be at least 3" in error
+    assert not (tmp_path / "rig.json").exists()
+
+
+def test_pictures_of_two_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    left = picture_folder(tmp_path / "l", "1.png")
+    right = picture_folder(tmp_path / "r", "1.png", size=(50, 80))
+    words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
+    assert "pictures: must all have the size (80, 60)" in capsys.readouterr().err

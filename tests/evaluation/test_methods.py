@@ -1,0 +1,166 @@
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from endosdk import errors
+from endosdk.cli import main
+from endosdk.datasets.dataset import Sample, write_record, write_sample
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method
+from endosdk.io.pictures import read_frame
+from tests.conftest import TINY_MODEL, shifted_pair
+from tests.datasets.test_layouts import write_middlebury
+
+SHIFTS = (6, 12, 18)
+
+
+@pytest.fixture(scope="module")
+def planes(tmp_path_factory):
+    """A data set of three planes whose truth is their shift; what the right view does not see is occluded."""
+    root = tmp_path_factory.mktemp("planes")
+    hashes = {}
+    for shift in SHIFTS:
+        left, right = shifted_pair(96, 256, shift, seed=shift)
+        occlusion = np.zeros((96, 256), bool)
+        occlusion[:, :shift] = True
+        truth = np.full((96, 256), shift, np.float32)
+        sample = Sample(f"{shift:03d}", left, right, truth, None, occlusion, focal_px=200.0, baseline_mm=5.0)
+        hashes[sample.id] = write_sample(root, "test", sample)
+    record = {"format_version": 1, "name": "planes", "samples": {"train": {}, "test": hashes}}
+    write_record(root, record)
+    return root
+
+
+def test_measures_of_a_method_that_is_one_pixel_off(planes):
+    def off_by_one(sample):
+        return Answer(sample.disparity + 1, milliseconds=5.0)
+
+    scores = evaluate(off_by_one, open_dataset(planes, "test"))
+    assert scores["pairs"] == 3
+    assert scores["all"]["epe_px"] == pytest.approx(1.0)
+    assert scores["all"]["pixels"] == 3 * 96 * 256
+    assert scores["non_occluded"]["pixels"] == 3 * 96 * 256 - 96 * sum(SHIFTS)
+    expected = np.mean([1000 / s - 1000 / (s + 1) for s in SHIFTS])
+    assert scores["all"]["depth_mae_mm"] == pytest.approx(expected, rel=1e-6)
+    assert scores["ms_median"] == 5.0
+
+
+def test_worst_pairs_come_first(planes):
+    scores = evaluate(lambda s: Answer(s.disparity + s.disparity / 10), open_dataset(planes, "test"))
+    assert [entry["id"] for entry in scores["worst"]] == ["018", "012", "006"]
+
+
+def test_a_model_and_the_rival_on_the_same_planes(planes):
+    reader = open_dataset(planes, "test")
+    ours = evaluate(estimator_method(str(TINY_MODEL)), reader)
+    rival = evaluate(sgbm_method(filled=True), reader)
+    sparse = evaluate(sgbm_method(filled=False), reader, pairs=2)
+    assert ours["non_occluded"]["epe_px"] < 1.0
+    assert ours["all"]["coverage"] == rival["all"]["coverage"] == 1.0
+    assert rival["non_occluded"]["epe_px"] < 1.0
+    assert sparse["pairs"] == 2
+    assert sparse["all"]["coverage"] < 1.0
+
+
+def test_no_pair_is_refused(planes, capsys):
+    with pytest.raises(errors.InvalidArgument, match="pairs: must be at least 1; got 0"):
+        evaluate(sgbm_method(filled=True), open_dataset(planes, "test"), pairs=0)
+    assert main(["evaluate", "--model", "sgbm", "--data", str(planes), "--split", "train"]) == 2
+    assert "data: must have pairs in its split train; got none in planes" in capsys.readouterr().err
+
+
+def flat_set(root, disparity, occluded):
+    """Write a set of one pair with this truth everywhere, seen by the left camera alone or by both."""
+    left, right = shifted_pair(96, 256, 8)
+    truth, occlusion = np.full((96, 256), disparity, np.float32), np.full((96, 256), occluded)
+    sample = Sample("000", left, right, truth, None, occlusion, focal_px=200.0, baseline_mm=5.0)
+    samples = {"train": {}, "test": {"000": write_sample(root, "test", sample)}}
+    write_record(root, {"format_version": 1, "name": "flat", "samples": samples})
+
+
+def test_a_set_without_truth_is_named(tmp_path, capsys):
+    flat_set(tmp_path, np.nan, False)
+    assert main(["evaluate", "--model", "sgbm", "--data", str(tmp_path)]) == 2
+    assert (
+        "dataset: must have truth in its split test; got none in 1 pairs [DATASET_INVALID]" in capsys.readouterr().err
+    )
+
+
+def test_a_region_in_which_no_pixel_counts_is_told(tmp_path, capsys):
+    flat_set(tmp_path, 8.0, True)
+    assert main(["evaluate", "--model", "sgbm", "--data", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "non_occluded  no pixel counted: 0 with truth" in told
+    assert "all           EPE" in told
+
+
+def test_command_prints_and_writes(planes, tmp_path, capsys):
+    out = tmp_path / "new" / "scores"
+    assert main(["evaluate", "--model", str(TINY_MODEL), "--data", str(planes), "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert "EPE" in told.out
+    assert "pair 3 of 3" in told.err
+    record = json.loads((out / "scores.json").read_text())
+    assert record["scores"]["pairs"] == 3
+    assert record["data"]["sha256"] == open_dataset(planes, "test").sha256
+    assert {"cpu", "versions", "commit", "date"} <= set(record["machine"])
+    worst = record["scores"]["worst"]
+    assert [entry["epe_px"] for entry in worst] == sorted((entry["epe_px"] for entry in worst), reverse=True)
+    pictures = sorted((out / "worst").iterdir())
+    assert [path.name for path in pictures] == [f"{rank:02d}_{entry['id']}.png" for rank, entry in enumerate(worst, 1)]
+    sample = open_dataset(planes, "test")[worst[0]["index"]]
+    shown = read_frame(pictures[0])
+    height, width = sample.left.shape[:2]
+    assert shown.shape[0] > 2 * height and shown.shape[1] > 2 * width
+    assert np.array_equal(shown[34 : 34 + height, 12 : 12 + width], sample.left)
+
+
+def test_record_repeats_the_run_and_names_the_model(planes, tmp_path):
+    options = ["--pairs", "1", "--network-size", "128x96", "--provider", "cpu", "--threads", "1"]
+    given = ["evaluate", "--model", str(TINY_MODEL), "--data", str(planes), *options]
+    assert main([*given, "--out", str(tmp_path)]) == 0
+    record = json.loads((tmp_path / "scores.json").read_text())
+    wanted = ["endosdk", "evaluate", "--model", TINY_MODEL.name, "--data", planes.name]
+    assert record["command"].split() == [*wanted, "--layout", "endosdk", "--split", "test", *options]
+    assert record["model"]["sha256"] == hashlib.sha256(TINY_MODEL.read_bytes()).hexdigest()
+    assert set(record["model"]) == {"name", "version", "sha256"}
+
+
+@pytest.mark.parametrize(("option", "value"), [("--network-size", "64x64"), ("--provider", "cuda"), ("--threads", "1")])
+def test_what_the_rival_has_no_use_for_is_refused(option, value, planes, capsys):
+    assert main(["evaluate", "--model", "sgbm", "--data", str(planes), option, value]) == 2
+    name = option[2:].replace("-", "_")
+    assert f"{name}: is for models; leave it out with sgbm; got {value}" in capsys.readouterr().err
+
+
+def test_wrong_options_are_told_before_data_is_read(capsys):
+    assert main(["evaluate", "--model", str(TINY_MODEL), "--data", "nowhere", "--threads", "0"]) == 2
+    assert "threads" in capsys.readouterr().err
+
+
+def test_command_reads_a_public_layout_and_its_own_split(tmp_path, capsys):
+    write_middlebury(tmp_path / "set/artroom1", "2021")
+    given = ["--layout", "middlebury", "--data", str(tmp_path / "set")]
+    assert main(["evaluate", "--model", str(TINY_MODEL), *given]) == 0
+    assert "pixels with truth" in capsys.readouterr().out
+    assert main(["evaluate", "--model", "sgbm", *given]) == 2
+    assert "must be wider than 80 px" in capsys.readouterr().err
+    assert main(["evaluate", "--model", "sgbm", "--layout", "kitti", "--data", str(tmp_path / "set")]) == 2
+    assert "must hold samples in the layout kitti, split train" in capsys.readouterr().err
+
+
+def test_perfect_pair_ranks_last_and_silent_pair_first(planes):
+    reader = open_dataset(planes, "test")
+
+    def method(sample):
+        silent = sample.id == reader.ids[1]
+        return Answer(sample.disparity + (np.nan if silent else sample.id == reader.ids[2]))
+
+    worst = evaluate(method, reader)["worst"]
+    assert [(entry["id"], entry["epe_px"]) for entry in worst] == [
+        (reader.ids[1], None),
+        (reader.ids[2], 1.0),
+        (reader.ids[0], 0.0),
+    ]

@@ -1,0 +1,82 @@
+import cv2
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, StereoCalibration, errors
+from endosdk.io.overview import colour_map, overview, robust_range
+from endosdk.io.pictures import read_frame, write_picture, write_result
+from tests.conftest import TINY_MODEL, shifted_pair
+
+
+@pytest.fixture(scope="module")
+def answered():
+    left, right = shifted_pair(96, 160, 12)
+    rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96))
+    return left, DepthEstimator(TINY_MODEL, calibration=rig).predict(left, right)
+
+
+def test_colours_follow_the_values_and_nan_is_gray():
+    values = np.array([[0.0, 0.5, 1.0, np.nan]])
+    picture = colour_map(values, 0.0, 1.0)
+    low, middle, high, none = picture[0].astype(int)
+    assert low[2] > low[0]  # Turbo runs from blue
+    assert middle[1] > 200  # over green
+    assert high[0] > high[2]  # to red
+    assert np.ptp(none) < 10
+
+
+def test_range_ignores_outliers_and_survives_emptiness():
+    values = np.append(np.linspace(10, 20, 1000), [1e6, np.nan])
+    low, high = robust_range(values)
+    assert 10 <= low < 11
+    assert 19 < high <= 20.1
+    assert robust_range(np.full(3, np.nan)) == (0.0, 1.0)
+
+
+def test_overview_shows_the_left_view_and_the_depth(answered):
+    left, result = answered
+    picture = overview(left, result)
+    assert picture.dtype == np.uint8
+    panels = [
+        (y, x) for y in range(picture.shape[0] - 96) for x in (12,) if (picture[y : y + 96, x : x + 160] == left).all()
+    ]
+    assert len(panels) == 1
+
+
+def test_files_hold_what_the_result_holds(answered, tmp_path):
+    left, result = answered
+    files = write_result(tmp_path / "new" / "folder", left, result)
+    read = {name: cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for name, path in files.items() if path.suffix == ".png"}
+    assert np.allclose(read["disparity.png"] / 256, result.disparity, atol=1 / 512)
+    valid = result.reasons == 0
+    assert np.allclose(read["depth.png"][valid], result.depth[valid], atol=0.51)
+    assert not read["depth.png"][~valid].any()
+    assert np.array_equal(read["reasons.png"], result.reasons)
+    assert np.allclose(read["confidence.png"] / 255, result.confidence, atol=1 / 510 + 1e-6)
+    assert np.array_equal(np.load(files["depth.npy"]), result.depth, equal_nan=True)
+
+
+def test_frame_files_come_back_as_rgb(tmp_path):
+    left, _ = shifted_pair(20, 30, 1)
+    write_picture(tmp_path / "f.png", left)
+    assert np.array_equal(read_frame(tmp_path / "f.png"), left)
+
+
+def test_deep_pictures_are_refused_not_cut(tmp_path):
+    deep = np.full((4, 5, 3), 4080, np.uint16)
+    cv2.imwrite(str(tmp_path / "deep.png"), deep)
+    with pytest.raises(errors.InvalidArgument, match="frame: must have 8 bits per channel; got uint16"):
+        read_frame(tmp_path / "deep.png")
+
+
+def test_broken_picture_is_refused(tmp_path):
+    (tmp_path / "x.png").write_bytes(b"no picture")
+    with pytest.raises(errors.InvalidArgument, match="OpenCV can read"):
+        read_frame(tmp_path / "x.png")
+
+
+def test_unwritable_folder_is_refused(answered, tmp_path):
+    left, result = answered
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(errors.StorageFailed):
+        write_result(tmp_path / "file", left, result)

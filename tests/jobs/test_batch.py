@@ -1,0 +1,204 @@
+"""Depth of whole archives: what `predict` gives for every pair, whoever computes it and however often it stops."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, StereoCalibration
+from endosdk.cli import main
+from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound
+from endosdk.io.pictures import read_frame, write_picture
+from endosdk.jobs.batch import Settings, find_pairs, run_batch
+from tests.ray_workers import a_worker_killed
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
+NAMES = [f"frame_{number:03d}_left" for number in range(10)]  # more than a worker is given at a time
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten different rectified pairs, cut out of the one that comes with the package."""
+    root = tmp_path_factory.mktemp("archive")
+    estimator = DepthEstimator("fast", calibration=StereoCalibration.load(EXAMPLES / "rig.json"))
+    views = estimator.rectify(*(read_frame(EXAMPLES / "demo" / f"{side}.png") for side in ("left", "right")))
+    for side, view in zip(("left", "right"), views, strict=True):
+        (root / side).mkdir()
+        for number, name in enumerate(NAMES):
+            part = view[100 + 20 * number : 340 + 20 * number, 200 + 30 * number : 520 + 30 * number]
+            write_picture(root / side / f"{name.replace('left', side)}.png", np.ascontiguousarray(part))
+    return root
+
+
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    rig = StereoCalibration.rectified(focal_px=400.0, baseline_mm=10.0, size=(320, 240))
+    return Settings("fast", calibration=rig, threads=1)
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+
+
+def many(archive: Path, root: Path, count: int) -> None:
+    """Make an archive whose pairs are all the same."""
+    for side in ("left", "right"):
+        (root / side).mkdir()
+        for number in range(count):
+            (root / side / f"{number}.png").symlink_to(archive / side / f"frame_000_{side}.png")
+
+
+@pytest.fixture(scope="module")
+def done(archive: Path, settings: Settings, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("done") / "out"
+    record = run_batch(find_pairs(archive / "left", archive / "right"), settings, out)
+    assert sum(record["status"].values()) == len(NAMES) and record["failed"] == {}
+    assert record == json.loads((out / "batch.json").read_text())
+    return out
+
+
+def test_a_batch_gives_what_predict_gives(archive, settings, done):
+    estimator = DepthEstimator("fast", calibration=settings.calibration, threads=1)
+    for name in NAMES:
+        left, right = (read_frame(archive / side / f"{name.replace('left', side)}.png") for side in ("left", "right"))
+        result = estimator.predict(left, right)
+        folder = done / "pairs" / name
+        disparity = cv2.imread(str(folder / "disparity.png"), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(disparity, np.rint(result.disparity * 256).astype(np.uint16))
+        np.testing.assert_array_equal(np.load(folder / "depth.npy"), result.depth)
+        described = json.loads((folder / "result.json").read_text())
+        assert described["status"] == result.status.name
+        assert described["median_depth_mm"] == pytest.approx(np.nanmedian(result.depth), abs=1e-3)
+        assert (described["geometry"]["focal_px"], described["geometry"]["baseline_mm"]) == (400.0, 10.0)
+
+
+def test_several_processes_give_the_same_bytes(archive, settings, done, tmp_path):
+    run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path / "out", workers=2)
+    assert contents(tmp_path / "out") == contents(done)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path, monkeypatch):
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    ray = pytest.importorskip("ray")
+    many(archive, tmp_path, 200)
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        with a_worker_killed(tmp_path / "out", "pairs/*"):
+            run_batch(
+                find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out", workers=2, ray=True
+            )
+    finally:
+        ray.shutdown()
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["batch.json", "pairs"]
+    expected = contents(done / "pairs" / NAMES[0])
+    expected.pop("result.json")  # it has the names
+    for number in range(200):
+        found = contents(tmp_path / "out" / "pairs" / str(number))
+        assert json.loads(found.pop("result.json"))["left"] == f"{number}.png"
+        assert found == expected
+
+
+def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(done, out)
+    shutil.rmtree(out / "pairs" / NAMES[3])
+    (out / ".partial-frame_003_left-1").mkdir()  # of a process that was killed
+    kept = out / "pairs" / NAMES[4] / "disparity.png"
+    kept.write_bytes(b"not looked at")
+    run_batch(find_pairs(archive / "left", archive / "right"), settings, out)
+    assert kept.read_bytes() == b"not looked at"
+    shutil.copy(done / "pairs" / NAMES[4] / "disparity.png", kept)
+    assert contents(out) == contents(done) and not list(out.glob(".partial-*"))
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_an_interrupted_batch_says_how_to_go_on(archive, tmp_path, workers):
+    many(archive, tmp_path, 500)
+    out = tmp_path / "out"
+    # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
+    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = f"{heed}; import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["batch", str(tmp_path / "left"), str(tmp_path / "right"), "--out", str(out), "--workers", workers]
+    run = subprocess.Popen(
+        [sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    limit = time.monotonic() + 120
+    while not list(out.glob("pairs/*")):
+        assert run.poll() is None and time.monotonic() < limit
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does to all of its processes
+    said = run.communicate(timeout=120)[1]
+    assert run.returncode == 130 and "Traceback" not in said
+    assert said.endswith(f"endosdk batch: stopped; the same command continues {out}\n")
+    assert 0 < len(list(out.glob("pairs/*"))) < 500
+
+
+def test_a_finished_pair_that_was_damaged_is_named(archive, settings, done, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(done, out)
+    (out / "pairs" / NAMES[2] / "result.json").write_text("{}")
+    with pytest.raises(DatasetInvalid, match=rf"delete its folder.*{NAMES[2]}"):
+        run_batch(find_pairs(archive / "left", archive / "right"), settings, out)
+
+
+def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tmp_path, capsys):
+    shutil.copytree(archive, tmp_path / "in")
+    broken = tmp_path / "in" / "right" / "frame_001_right.png"
+    broken.write_bytes(b"no picture")
+    words = ["batch", str(tmp_path / "in" / "left"), str(tmp_path / "in" / "right"), "--out", str(tmp_path / "out")]
+    assert main(words) == 1
+    told = capsys.readouterr().out
+    assert f"FAILED     {NAMES[1]}: frame: must be a picture that OpenCV can read" in told
+    assert not (tmp_path / "out" / "pairs" / NAMES[1]).exists()
+    shutil.copy(archive / "right" / broken.name, broken)
+    assert main(words) == 0
+    assert len(list((tmp_path / "out" / "pairs").iterdir())) == len(NAMES)
+    assert not list((tmp_path / "out" / "pairs").glob("*/depth.*")), "no rig, no depth"
+
+
+def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
+    pairs = find_pairs(archive / "left", archive / "right")
+    for other in (Settings("fast-fp32", settings.calibration), Settings("fast", settings.calibration, (160, 120))):
+        with pytest.raises(InvalidArgument, match="out: must be new, or hold a batch of the same model, rig and size"):
+            run_batch(pairs, other, done)
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"format_version": 0, "settings": {}}'])
+def test_a_record_that_is_none_of_ours_is_told(archive, settings, tmp_path, text):
+    (tmp_path / "batch.json").write_text(text)
+    with pytest.raises(InvalidArgument, match=r"out: batch\.json must be what this version wrote"):
+        run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "rule"),
+    [
+        ({"workers": 0}, InvalidArgument, "workers: must be at least 1"),
+        ({"settings": Settings("fastest")}, ModelNotFound, "model"),
+        ({"settings": Settings("fast", provider="cuda"), "ray": True}, InvalidArgument, "provider: must be cpu"),
+    ],
+)
+def test_bad_settings_leave_nothing_behind(archive, tmp_path, changes, error, rule):
+    given = {"settings": Settings("fast"), **changes}
+    with pytest.raises(error, match=rule):
+        run_batch(find_pairs(archive / "left", archive / "right"), given.pop("settings"), tmp_path / "out", **given)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_with_other_things_is_left_alone(archive, settings, tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InvalidArgument, match="out: must be an empty or new folder"):
+        run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]

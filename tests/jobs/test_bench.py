@@ -1,0 +1,120 @@
+import json
+
+import numpy as np
+import pytest
+
+from endosdk import errors
+from endosdk.cli import main
+from endosdk.datasets.samples import sample_pairs
+from endosdk.evaluation.metrics import end_point_error
+from endosdk.evaluation.sgbm import SgbmBaseline
+from endosdk.jobs.bench import TURNS, BenchSettings, run_benchmark
+from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.rectify import RectifyStage
+from tests.conftest import TINY_MODEL
+
+SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "4", "--warmup", "1"]
+
+
+def test_shipped_pairs_are_raw_and_have_truth():
+    pairs = sample_pairs()
+    assert pairs
+    for pair in pairs:
+        assert pair.left.shape == pair.right.shape == (720, 960, 3)
+        assert not pair.calibration.is_rectified
+        assert np.isfinite(pair.disparity).mean() > 0.9
+        assert 2 < np.nanmean(pair.disparity) < 69.5
+
+
+SIZES = [(480, 360), (1280, 720), (1920, 1080), (640, 512), (360, 480)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_truth_of_a_resized_pair_is_that_of_the_same_points(size):
+    """Each pixel, taken through the raw left camera into the whole pair's rectified view, has the depth known there."""
+    import cv2
+
+    whole, pair = sample_pairs()[0], sample_pairs()[0].resized(*size)
+    assert pair.left.shape == pair.right.shape == (*size[::-1], 3)
+    assert np.isfinite(pair.disparity).mean() > 0.98
+    rows, columns = np.indices(pair.disparity.shape)[:, ::7, ::7].reshape(2, -1)
+    old, new = whole.calibration.rectification(), pair.calibration.rectification()
+    rays = np.stack([(columns - new.cx) / new.P1[0, 0], (rows - new.cy) / new.P1[1, 1], np.ones(len(rows))])
+    camera = whole.calibration.left_matrix, whole.calibration.left_distortion
+    raw, _ = cv2.projectPoints((new.R1.T @ rays).T.copy(), np.zeros(3), np.zeros(3), *camera)
+    x, y = np.rint(cv2.undistortPoints(raw, *camera, R=old.R1, P=old.P1)[:, 0].T).astype(int)
+    x, y = x.clip(0, old.width - 1), y.clip(0, old.height - 1)
+    known = old.focal_px * old.baseline_mm / (whole.disparity[y, x] + old.doffs)
+    expected = new.focal_px * new.baseline_mm / known - new.doffs
+    errors = np.abs(pair.disparity[rows, columns] - expected)
+    # Where a pixel falls between two, either may be the nearest; everywhere else it is the same point.
+    assert np.nanmedian(errors) < 1e-4
+    assert np.nanmean(errors) < 0.05
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_pictures_of_a_resized_pair_match_where_its_truth_says(size):
+    pair = sample_pairs()[0].resized(*size)
+    left, right = (np.empty((3, *size[::-1]), np.uint8) for _ in range(2))
+    RectifyStage(size, pair.calibration, size)(pair.left, pair.right, left, right, "rgb")
+    rows, columns = np.indices(pair.disparity.shape)
+    shifts = np.arange(-3, 4)
+    costs = []
+    for shift in shifts:
+        place = columns - pair.disparity - shift
+        there = np.isfinite(place) & (place >= 0) & (place <= size[0] - 1)
+        match = right[:, rows[there], np.rint(place[there]).astype(int)]
+        costs.append(np.abs(left[:, there].astype(float) - match).mean())
+    assert shifts[np.argmin(costs)] == 0
+
+
+def test_a_model_is_as_good_on_wide_frames():
+    pair = sample_pairs()[0].resized(1280, 720)
+    found = DepthEstimator("fast-fp32", calibration=pair.calibration, threads=1).predict(pair.left, pair.right)
+    assert end_point_error(found.disparity, pair.disparity) < 0.6
+
+
+@pytest.mark.parametrize("size", ["1x1", "1000x100", "20000x20000"])
+def test_sizes_that_no_camera_has_are_refused(size, capsys):
+    assert main(["bench", "--size", size]) == 2
+    rule = "size: must be 64 to 8192 px a side, one side at most 4 times the other"
+    assert f"{rule}; got {size}" in capsys.readouterr().err
+
+
+def test_record_has_every_key(tmp_path):
+    file = tmp_path / "bench.json"
+    assert main(["bench", "--model", "wang2020", *SMALL, "--against", "sgbm", "--json", str(file)]) == 0
+    record = json.loads(file.read_text())
+    assert record["window"] == [0, 0, 960, 720]
+    assert record["fps"] > 0
+    assert set(record["latency_ms"]) == {"p50", "p95", "p99", "max"}
+    assert set(record["stages_ms"]) == {"rectify", "session", "postprocess"}
+    assert record["stream_fps"] > 0
+    assert 0 < record["startup_s"] < 60
+    assert record["peak_rss_mb"] > 10
+    assert 0 < record["epe_px"] < 3
+    assert record["against"]["sgbm"]["fps"] > 0
+    assert record["against"]["sgbm"]["epe_px"] > 0
+    assert {"cpu", "instructions", "threads", "versions", "commit"} <= set(record["machine"])
+
+
+def test_every_frame_is_timed_whatever_their_number(monkeypatch):
+    timed = []
+    rival = SgbmBaseline.compute
+    monkeypatch.setattr(SgbmBaseline, "compute", lambda *views: timed.append(1) or rival(*views))
+    settings = BenchSettings("wang2020", (480, 360), (320, 240), 1, 7, 1, "cpu", "sgbm")
+    record = run_benchmark(settings)
+    assert record["frames"] == 7
+    assert len(timed) == len(sample_pairs()) + 7 + TURNS  # the check, the frames, one to warm up for each turn
+
+
+def test_a_model_that_gives_nonsense_is_not_timed():
+    # Seen 1440 px wide, most of the tissue lies beyond the 32 px that this model reaches.
+    settings = BenchSettings(str(TINY_MODEL), (960, 720), (1440, 1080), 1, 2, 1, "cpu", None)
+    with pytest.raises(errors.InferenceFailed, match="before it is timed"):
+        run_benchmark(settings)
+
+
+def test_no_frame_is_refused():
+    with pytest.raises(errors.InvalidArgument, match="frames"):
+        run_benchmark(BenchSettings(str(TINY_MODEL), (480, 360), None, 1, 0, 1, "cpu", None))

@@ -1,0 +1,148 @@
+import subprocess
+import sys
+
+import numpy as np
+import onnx
+import pytest
+
+from endosdk import errors
+from endosdk.runtime.models import ModelFile, read_model
+from endosdk.runtime.session import StereoSession, load_runtime
+from tests.conftest import TINY_MODEL, shifted_pair
+
+
+def tiny() -> StereoSession:
+    return StereoSession(read_model(TINY_MODEL), threads=1)
+
+
+def test_finds_a_known_shift():
+    session = tiny()
+    buffers = session.buffers(64, 160)
+    left, right = shifted_pair(64, 160, 12)
+    buffers.left[:] = left.transpose(2, 0, 1)
+    buffers.right[:] = right.transpose(2, 0, 1)
+    session.run(buffers)
+    stride = session.info.output_stride
+    inner = np.s_[4:-4, 40 // stride : -4]
+    assert np.median(np.abs(buffers.disparity[inner] - 12)) < 0.1
+    assert np.median(buffers.confidence[inner]) > 0.5
+
+
+def test_two_buffers_do_not_mix():
+    session = tiny()
+    first, second = session.buffers(32, 64), session.buffers(32, 64)
+    pairs = shifted_pair(32, 64, 8), shifted_pair(32, 64, 16)
+    for buffers, (left, right) in zip((first, second), pairs, strict=True):
+        buffers.left[:], buffers.right[:] = left.transpose(2, 0, 1), right.transpose(2, 0, 1)
+    session.run(first)
+    alone = first.disparity.copy()
+    session.run(second)
+    np.testing.assert_array_equal(first.disparity, alone)
+    assert not np.array_equal(second.disparity, alone)
+
+
+@pytest.mark.parametrize("size", [(33, 64), (32, 0), (32, -8)])
+def test_size_off_the_multiple_is_refused_and_the_session_lives(size):
+    session = tiny()
+    with pytest.raises(errors.InvalidArgument, match="multiple of 8"):
+        session.buffers(*size)
+    session.run(session.buffers(32, 64))
+
+
+@pytest.mark.parametrize("content", [b"", b"not a model", TINY_MODEL.read_bytes()[:1000]], ids=["empty", "text", "cut"])
+def test_broken_file_is_refused(content):
+    with pytest.raises(errors.ModelUnreadable, match="model"):
+        StereoSession(read_model(content))
+
+
+def test_foreign_onnx_is_refused_with_the_missing_key():
+    model = onnx.load(TINY_MODEL)
+    del model.metadata_props[:]
+    with pytest.raises(errors.ModelMetadata, match=r"endosdk\.format_version"):
+        StereoSession(read_model(model.SerializeToString()))
+
+
+@pytest.mark.parametrize("smallest", [0, 1000], ids=["all", "large"])
+@pytest.mark.parametrize("location", ["beside", "elsewhere", "upwards"])
+def test_weights_in_another_file_are_refused(tmp_path, monkeypatch, location, smallest):
+    """The hash would not cover them."""
+    model = onnx.load(TINY_MODEL)
+    onnx.external_data_helper.convert_model_to_external_data(model, location="weights.bin", size_threshold=smallest)
+    onnx.save_model(model, tmp_path / "model.onnx")
+    monkeypatch.chdir(tmp_path)
+    model = onnx.load("model.onnx", load_external_data=False)
+    outside = [tensor for tensor in model.graph.initializer if tensor.data_location == onnx.TensorProto.EXTERNAL]
+    assert outside
+    path = str(tmp_path / "weights.bin")
+    named = {"beside": "weights.bin", "elsewhere": path, "upwards": "../" * 20 + path[1:]}[location]
+    for tensor in outside:
+        next(entry for entry in tensor.external_data if entry.key == "location").value = named
+    with pytest.raises(errors.ModelMetadata, match="hold its weights itself"):
+        StereoSession(read_model(model.SerializeToString()))
+
+
+def test_wrong_interface_is_refused():
+    model = onnx.load(TINY_MODEL)
+    for node in model.graph.node:
+        node.input[:] = ["links" if name == "left" else name for name in node.input]
+    model.graph.input[0].name = "links"
+    with pytest.raises(errors.ModelMetadata, match="left and right"):
+        StereoSession(read_model(model.SerializeToString()))
+
+
+@pytest.mark.parametrize("provider", ["warp-drive", "cuda"])
+def test_missing_provider_is_an_error_that_says_what_is_installed(provider):
+    with pytest.raises(errors.ProviderUnavailable, match=r"installed: .*CPUExecutionProvider"):
+        StereoSession(read_model(TINY_MODEL), provider=provider)
+
+
+def _fake_distribution(folder, name):
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+
+
+def test_both_runtime_packages_at_once_are_refused(tmp_path, monkeypatch):
+    _fake_distribution(tmp_path, "onnxruntime-gpu")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(errors.RuntimeConflict, match="onnxruntime and onnxruntime-gpu"):
+        load_runtime()
+
+
+def test_missing_runtime_names_the_extra():
+    code = (
+        "import sys; sys.modules['onnxruntime'] = None\n"
+        "from endosdk.runtime.session import load_runtime\n"
+        "try: load_runtime()\n"
+        "except ImportError as error: print(error.code.name, error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "RUNTIME_MISSING" in done.stdout
+    assert "endosdk[cpu]" in done.stdout
+
+
+def test_host_that_imported_the_runtime_first_is_warned():
+    code = (
+        "import os; os.environ.pop('ORT_DISABLE_TELEMETRY', None); os.environ['CI'] = '1'\n"  # CI keeps it silent here
+        "import onnxruntime, warnings, endosdk\n"
+        "from endosdk.runtime.session import load_runtime\n"
+        "warnings.simplefilter('error')\n"
+        "try: load_runtime()\n"
+        "except RuntimeWarning as warning: print(warning)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "telemetry on" in done.stdout
+
+
+def test_failure_inside_the_runtime_has_a_code():
+    session = tiny()
+    buffers = session.buffers(32, 64)
+    # Shapes that contradict the graph make the runtime itself fail.
+    buffers.binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), buffers.left.ctypes.data)
+    with pytest.raises(errors.InferenceFailed):
+        session.run(buffers)
+
+
+def test_origin_is_in_the_message():
+    with pytest.raises(errors.ModelUnreadable, match="elsewhere"):
+        StereoSession(ModelFile(b"x", "elsewhere", ""))
