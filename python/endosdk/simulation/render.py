@@ -101,7 +101,7 @@ def _objects(renderer: Renderer, recipe: Recipe, seed: int) -> Sample:
 
 def _spoilt(recipe: Recipe, seed: int, sample: Sample) -> Sample:
     """Return the sample with its faults where the recipe asks for them."""
-    faults = draw_faults((seed, 22)) if recipe.faults else None
+    faults = draw_faults((seed, 22), sample.left.shape[0] / sample.left.shape[1]) if recipe.faults else None
     return sample if faults is None else spoil(sample, faults, (seed, 23))
 
 

@@ -1,0 +1,215 @@
+"""Spoiled pictures: each fault does what it says, the truth stays exact, and there is none where nothing is seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from endosdk.dataset import Sample, find_occlusion
+from endosdk.simulation.faults import chips, field, lens, looks, rows
+from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
+from endosdk.simulation.noise import fractal_tile
+from tests.simulation.test_sample import at_match
+
+HEIGHT, WIDTH, SHIFT = 180, 240, 24.0
+QUIET = chips.Chip(1.0, (1.0, 1.0, 1.0), 1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+NO_PROCESSOR = chips.Processor(None, 0.0, 0.0, False, 0, False)
+NOTHING = Faults("white", None, (), (), None, None, (), (QUIET, QUIET), NO_PROCESSOR)
+
+
+@pytest.fixture(scope="module")
+def sample() -> Sample:
+    """A textured wall at 24 px, in front of which the middle third stands at 40 px."""
+    rng = np.random.default_rng(5)
+    wall, front = (60 + 60 * np.tanh(fractal_tile(rng, (HEIGHT, WIDTH), 24.0, 4, 0.7)) + 40 for _ in range(2))
+    columns, lines = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    standing = [(columns + d > 100) & (columns + d < 170) & (lines > 50) & (lines < 130) for d in (0, 40)]
+    truth = [np.where(there, 40.0, SHIFT).astype(np.float32) for there in standing]
+    picture = [
+        np.where(there, np.roll(front, -d1, 1), np.roll(wall, -d0, 1))
+        for there, d0, d1 in ((standing[0], 0, 0), (standing[1], int(SHIFT), 40))
+    ]
+    left, right = (np.stack([p, 0.8 * p, 0.6 * p], -1).clip(0, 255).astype(np.uint8) for p in picture)
+    return Sample("one", left, right, truth[0], truth[1], find_occlusion(truth[0], truth[1]), 200.0, 5.0)
+
+
+def spoilt(sample: Sample, **changes: object) -> Sample:
+    return spoil(sample, replace(NOTHING, **changes), (1, 23))  # type: ignore[arg-type]
+
+
+def inner(occlusion: np.ndarray) -> np.ndarray:
+    return cv2.erode((~occlusion).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+
+
+def test_no_fault_changes_nothing_but_the_record(sample: Sample) -> None:
+    same = spoilt(sample)
+    for name in ("left", "right", "disparity", "disparity_right", "occlusion"):
+        np.testing.assert_array_equal(getattr(same, name), getattr(sample, name))
+    assert same.info["faults"]["look"] == "white"
+
+
+def test_faults_are_a_function_of_their_seed(sample: Sample) -> None:
+    drawn = [draw_faults((seed, 22), 0.75) for seed in range(200)]
+    assert 0 < sum(one is None for one in drawn) < 40
+    assert drawn == [draw_faults((seed, 22), 0.75) for seed in range(200)]
+    faults = next(one for one in drawn if one is not None)
+    first, again = (spoil(sample, faults, (4, 23)) for _ in range(2))
+    assert first.left.tobytes() == again.left.tobytes()
+    assert first.right.tobytes() == again.right.tobytes()
+    assert first.left.tobytes() != spoil(sample, faults, (5, 23)).left.tobytes()
+    assert first.info["faults"] == faults.described()
+
+
+def test_every_fault_comes_and_either_eye_is_the_blurred_one() -> None:
+    drawn = [one for one in (draw_faults((seed, 22), 0.75) for seed in range(400)) if one is not None]
+    for name in ("smoke", "droplets", "glints", "rows", "fields", "labels"):
+        share = np.mean([bool(getattr(one, name)) for one in drawn])
+        assert 0.05 < share < 0.65, name
+    assert {one.look for one in drawn} == set(looks.LOOKS)
+    assert {one.fields[0].shape for one in drawn if one.fields} == set(field.SHAPES)
+    blurred = [np.sign(one.chips[0].blur_px - one.chips[1].blur_px) for one in drawn]
+    assert 0.08 < np.mean(np.array(blurred) > 0) < 0.4
+    assert 0.08 < np.mean(np.array(blurred) < 0) < 0.4
+    assert {drop.eye for one in drawn for drop in one.droplets} == {0, 1}
+    assert max(chip.noise for one in drawn for chip in one.chips) > 10
+
+
+@pytest.mark.parametrize("shape", field.SHAPES)
+def test_there_is_no_truth_outside_the_field_of_view(sample: Sample, shape: str) -> None:
+    down = 0.3 if shape in ("rounded", "bars") else 0.35
+    fields = (
+        field.Field(shape, 0.5, 0.375, 0.35, down, 6.0, 2.0),
+        field.Field(shape, 0.53, 0.37, 0.36, down, 9.0, 2.0),
+    )
+    seen = spoilt(sample, fields=fields)
+    assert seen.disparity_right is not None
+    assert seen.occlusion is not None
+    for view, truth, one in ((seen.left, seen.disparity, fields[0]), (seen.right, seen.disparity_right, fields[1])):
+        outside = np.isnan(truth)
+        assert 0.2 < outside.mean() < 0.7
+        deep = cv2.erode(outside.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+        assert abs(view[deep].mean() - one.level) < 1.5
+        assert view[deep].std() > 1
+    assert np.array_equal(seen.disparity[~np.isnan(seen.disparity)], sample.disparity[~np.isnan(seen.disparity)])
+    # What the other eye's field hides is seen by one eye alone.
+    matches = np.arange(WIDTH) - np.nan_to_num(seen.disparity).astype(int)
+    hidden = np.isnan(np.take_along_axis(seen.disparity_right, np.maximum(matches, 0), 1)) & ~np.isnan(seen.disparity)
+    assert hidden.any()
+    borders = seen.occlusion[hidden]  # of which one neighbour may be seen
+    assert borders.mean() > 0.95
+
+
+def test_a_label_has_no_truth_and_is_written_where_it_says(sample: Sample) -> None:
+    label = field.Label("REC", 0.1, 0.2, 0.05, 250.0, (0,))
+    seen = spoilt(sample, labels=(label,))
+    box = np.isnan(seen.disparity)
+    assert 0.001 < box.mean() < 0.05
+    assert seen.left[box].max() > 200
+    np.testing.assert_array_equal(seen.left[~box], sample.left[~box])
+    np.testing.assert_array_equal(seen.right, sample.right)
+    np.testing.assert_array_equal(seen.disparity_right, sample.disparity_right)
+
+
+def test_rows_move_up_and_down_and_the_truth_along_the_row_stays(sample: Sample) -> None:
+    """Sampled at the true column and the moved row, the right view is the left one; half a pixel off, it is not."""
+    moved = rows.Rows(shift=4.0, roll=-3.0, scale=2.0)  # stronger than any that is drawn: one to two px here
+    seen = spoilt(sample, rows=moved)
+    assert seen.occlusion is not None
+    np.testing.assert_array_equal(seen.disparity, sample.disparity)
+    lines, columns = np.indices(seen.disparity.shape, np.float32)
+    place = columns - seen.disparity
+    down = cv2.remap(moved.field(seen.disparity.shape), place, lines, cv2.INTER_LINEAR)
+    where = inner(seen.occlusion)
+    where[:8], where[-8:] = False, False
+
+    def error(aside: float, below: float) -> float:
+        matched = cv2.remap(seen.right, place + np.float32(aside), lines + down + np.float32(below), cv2.INTER_LINEAR)
+        return float(np.abs(matched.astype(float) - seen.left)[where].mean())
+
+    right_place = error(0, 0)
+    assert right_place < 3
+    for aside, below in ((0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5)):
+        assert error(aside, below) > 1.3 * right_place
+    assert np.abs(down).max() > 1
+
+
+def test_drawn_rows_stay_within_two_px_of_a_frame_960_wide() -> None:
+    largest = [np.abs(rows.draw_rows(np.random.default_rng(seed)).field((72, 96))).max() * 10 for seed in range(200)]
+    assert max(largest) <= rows.LARGEST_PX + 1e-3
+    assert max(largest) > 0.8 * rows.LARGEST_PX
+
+
+def test_glare_is_elsewhere_for_the_other_eye(sample: Sample) -> None:
+    glint = lens.Glint(0.3, 0.4, (0.05, 0.0), 0.02, 1.0, 0.0, (200.0, 200.0))
+    seen = spoilt(sample, glints=(glint,))
+    brighter = [a.astype(float).mean(2) - b.mean(2) for a, b in ((seen.left, sample.left), (seen.right, sample.right))]
+    (y, x), (v, u) = (np.unravel_index(np.argmax(cv2.GaussianBlur(one, (0, 0), 3)), one.shape) for one in brighter)
+    assert abs(x - 0.3 * WIDTH) < 4
+    assert abs(y - 0.4 * WIDTH) < 4
+    assert abs(u - (0.35 * WIDTH - sample.disparity[y, x])) < 4
+    assert abs(int(v) - int(y)) < 4
+
+
+def test_a_droplet_blurs_one_eye_alone(sample: Sample) -> None:
+    drop = lens.Droplet(1, 0.5, 0.4, 0.1, 0.02, 1.0, 1.0)
+    seen = spoilt(sample, droplets=(drop,))
+    np.testing.assert_array_equal(seen.left, sample.left)
+    changed = np.abs(seen.right.astype(int) - sample.right).max(2) > 3
+    lines, columns = np.nonzero(changed)
+    assert 0.005 < changed.mean() < 0.06
+    assert np.hypot(columns - 0.5 * WIDTH, lines - 0.4 * WIDTH).max() < 0.13 * WIDTH
+
+
+def test_smoke_hides_what_is_far_more_than_what_is_near(sample: Sample) -> None:
+    smoke = lens.Smoke(0.6, 0.0, 1.0, 200.0, (1.0, 1.0, 1.0))
+    seen = spoilt(sample, smoke=smoke)
+    near = sample.disparity == 40
+    contrast = [seen.left[there].std() / sample.left[there].std() for there in (near, ~near)]
+    assert contrast[0] > contrast[1] + 0.05
+    assert contrast[1] == pytest.approx(np.exp(-0.6), abs=0.05)
+
+
+@pytest.mark.parametrize("look", [name for name in looks.LOOKS if name != "white"])
+def test_a_look_changes_every_pixel_by_its_own_colour(sample: Sample, look: str) -> None:
+    seen = spoilt(sample, look=look)
+    assert np.abs(seen.left.astype(int) - sample.left).mean() > 3
+    gap = np.abs(at_match(seen.right, seen.disparity).astype(float) - seen.left)[inner(sample.occlusion)]
+    assert gap.mean() < 1
+
+
+def test_a_dim_frame_has_the_mean_that_was_drawn_and_noise_the_strength(sample: Sample) -> None:
+    processor = replace(NO_PROCESSOR, level=40.0)
+    noisy = replace(QUIET, noise=6.0)
+    seen = spoilt(sample, processor=processor, chips=(noisy, QUIET))
+    assert seen.left.mean() == pytest.approx(40, abs=1)
+    assert seen.right.mean() == pytest.approx(40, abs=5)
+    dim = spoilt(sample, processor=processor)
+    assert (seen.left.astype(float) - dim.left).std() == pytest.approx(6, abs=0.5)
+    np.testing.assert_array_equal(seen.right, dim.right)
+
+
+def test_the_processor_does_what_it_says(sample: Sample) -> None:
+    def fine(view: np.ndarray) -> float:
+        return float(np.abs(view.astype(float) - cv2.GaussianBlur(view, (0, 0), 2)).mean())
+
+    assert fine(spoilt(sample, processor=replace(NO_PROCESSOR, sharpen=1.5)).left) > 1.3 * fine(sample.left)
+    grainy = (replace(QUIET, noise=5.0), QUIET)
+    smeared = spoilt(sample, processor=replace(NO_PROCESSOR, smear_px=4.0), chips=grainy)
+    assert fine(smeared.left) < 0.93 * fine(spoilt(sample, chips=grainy).left)
+    packed = spoilt(sample, processor=replace(NO_PROCESSOR, jpeg_quality=40)).left
+    assert 0.5 < np.abs(packed.astype(int) - sample.left).mean() < 8
+    laced = spoilt(sample, processor=replace(NO_PROCESSOR, interlaced=True)).left
+    np.testing.assert_array_equal(laced[::2], sample.left[::2])
+    assert np.abs(laced[1::2].astype(int) - sample.left[1::2]).mean() > 0.3
+
+
+def test_a_pair_without_truth_for_the_right_view_can_be_spoiled(sample: Sample) -> None:
+    alone = replace(sample, disparity_right=None, occlusion=None)
+    smoke = lens.Smoke(0.6, 0.5, 1.0, 200.0, (1.0, 1.0, 1.0))
+    seen = spoilt(alone, smoke=smoke, rows=rows.Rows(1.0, 0.5, 0.2))
+    assert seen.disparity_right is None
+    assert seen.occlusion is None
+    np.testing.assert_array_equal(seen.disparity, sample.disparity)
