@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.dataset import Sample, find_occlusion
+from endosdk.datasets.dataset import Sample, find_occlusion
 from endosdk.simulation.faults import chips, field, lens, looks, rows
 from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
 from endosdk.simulation.noise import fractal_tile
