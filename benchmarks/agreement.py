@@ -45,7 +45,7 @@ class Answer:
     ruled: Mask
 
     def shares(self) -> dict[str, float]:
-        return {"answered_without": round(self.without.mean(), 4), "answered_with": round(self.ruled.mean(), 4)}
+        return {"valid_without": round(self.without.mean(), 4), "valid_with": round(self.ruled.mean(), 4)}
 
 
 class Answerer:
@@ -55,11 +55,11 @@ class Answerer:
         self.session = StereoSession(
             read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False
         )
-        self.limits = Limits(0.3, 0.0, math.inf, self.session.info.last_plane)
+        self.limits = Limits(0.3, 0.0, math.inf, self.session.info.max_candidate_disparity)
 
     def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> Answer:
         height, width = left.shape[:2]
-        network = _core.usual_network_size(width, height, self.session.info.usual_width or 0)
+        network = _core.usual_network_size(width, height, self.session.info.inference_width or 0)
         stage = RectifyStage((width, height), rig, network)
         multiple = self.session.info.input_multiple
         found = self.session.buffers(padded(network[1], multiple), padded(network[0], multiple))
@@ -117,10 +117,10 @@ def on_truth(answer: Answerer, samples: list[Sample]) -> dict[str, float]:
         print(f"pair {number + 1} of {len(samples)}", file=sys.stderr)
     out, rest = np.concatenate(dropped), np.concatenate(kept)
     return {
-        "answered_without": round(float(np.mean(before)), 4),
-        "answered_with": round(float(np.mean(after)), 4),
-        "least_answered_without": round(float(np.min(before)), 4),
-        "least_answered_with": round(float(np.min(after)), 4),
+        "valid_without": round(float(np.mean(before)), 4),
+        "valid_with": round(float(np.mean(after)), 4),
+        "least_valid_without": round(float(np.min(before)), 4),
+        "least_valid_with": round(float(np.min(after)), 4),
         "epe_of_dropped_px": round(float(out.mean()), 3),
         "epe_of_kept_px": round(float(rest.mean()), 3),
         "over_3_px_of_dropped": round(float(np.mean(out > WRONG)), 4),

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.record import machine_record
-from endosdk.calibration.board import calibrate_board, rectify_points, row_agreement
+from endosdk.calibration.board import calibrate_board, rectify_points, row_correlation
 from endosdk.calibration.rig import StereoCalibration
 
 Points = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ def measure(folder: Path) -> dict[str, Any]:
     """Return the row agreement over all pairs, one by one, and the square size each pair implies."""
     rig = StereoCalibration.load(folder, size=SIZE)
     names, lefts, rights = read_corners(folder)
-    median, p95 = row_agreement(rig, lefts, rights)
+    median, p95 = row_correlation(rig, lefts, rights)
     # How far the pictures' own rows are apart, and what the same corners allow when the rig is solved from them.
     raw = np.abs(np.concatenate([a[:, 1] - b[:, 1] for a, b in zip(lefts, rights, strict=True)]))
     solved = calibrate_board(lefts, rights, PATTERN, square_mm=3.0, size=SIZE)

@@ -53,18 +53,18 @@ def answers(estimator: DepthEstimator, reader: DatasetReader, pairs: int, shift:
     return {"found": found, "truth": truth, "trusted": trusted > 0}
 
 
-def scores(pixels: Pixels, last_plane: int, margin: float) -> dict[str, float | None]:
+def scores(pixels: Pixels, max_candidate_disparity: int, margin: float) -> dict[str, float | None]:
     """Shares for one margin."""
     found, truth = pixels["found"], pixels["truth"]
-    marked = found >= last_plane - margin
-    beyond = truth > last_plane + 1
-    right = (np.abs(found - truth) <= 1) & (truth <= last_plane)
-    near_end = right & (truth > last_plane - 4)
+    marked = found >= max_candidate_disparity - margin
+    beyond = truth > max_candidate_disparity + 1
+    right = (np.abs(found - truth) <= 1) & (truth <= max_candidate_disparity)
+    near_end = right & (truth > max_candidate_disparity - 4)
     return {
         "margin_px": margin,
         "marked_of_surfaces_beyond": share(marked[beyond]),
         "marked_or_low_confidence_of_surfaces_beyond": share((marked | ~pixels["trusted"])[beyond]),
-        "beyond_the_last_plane_of_marked": share(truth[marked] > last_plane),
+        "beyond_the_max_candidate_disparity_of_marked": share(truth[marked] > max_candidate_disparity),
         "marked_of_right_answers": share(marked[right]),
         "marked_of_right_answers_in_the_last_4_px": share(marked[near_end]),
     }
@@ -78,25 +78,25 @@ def share(holds: NDArray[np.bool_]) -> float | None:
 def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
     """All margins for one model."""
     estimator = DepthEstimator(model, spinning=False)
-    last_plane = estimator.model.last_plane
-    if last_plane is None:
+    max_candidate_disparity = estimator.model.max_candidate_disparity
+    if max_candidate_disparity is None:
         raise SystemExit(f"{model} does not state its last plane")
     first = reader[0]
     estimator.predict(first.left, first.right)
     gain = first.left.shape[1] / estimator.diagnostics()["network_size"][0]
     near = np.nanquantile([reader[number].disparity for number in range(pairs)], 1 - BEYOND)
-    shift = max(0, round(last_plane * gain - float(near)))
+    shift = max(0, round(max_candidate_disparity * gain - float(near)))
     pixels = answers(estimator, reader, pairs, shift, gain)
-    beyond = pixels["truth"] > last_plane + 1
+    beyond = pixels["truth"] > max_candidate_disparity + 1
     return {
-        "last_plane_px": last_plane,
+        "max_candidate_disparity_px": max_candidate_disparity,
         "frame_px_per_network_px": gain,
         "shift_px": shift,
         "pairs": pairs,
         "pixels": int(beyond.size),
         "surfaces_beyond": share(beyond),
         "trusted_of_surfaces_beyond": share(pixels["trusted"][beyond]),
-        "margins": [scores(pixels, last_plane, margin) for margin in MARGINS],
+        "margins": [scores(pixels, max_candidate_disparity, margin) for margin in MARGINS],
     }
 
 

@@ -20,7 +20,7 @@ from benchmarks.record import machine_record
 from endosdk import DepthEstimator
 from endosdk.commands.sizes import parse_size
 from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings
-from endosdk.evaluation.vertical_disparity import row_offset
+from endosdk.evaluation.vertical_disparity import vertical_disparity
 from endosdk.io.pictures import read_frame
 
 
@@ -45,15 +45,15 @@ def main() -> None:
     rival = SgbmBaseline(SgbmSettings(max_disparity=128, eight_paths=True)).compute(left, right)
     both = np.isfinite(rival) & (result.reasons == 0)
     apart = np.abs(result.disparity - rival)[both]
-    offset = row_offset(left, right)
+    offset = vertical_disparity(left, right)
     record = {
         "command": f"python -m benchmarks.real_pair LEFT RIGHT --model {args.model} --network-size {args.network_size}",
         "pair": f"{args.left.parent.name}, {left.shape[1]}x{left.shape[0]}",
         "model_sha256": result.model.sha256,
-        "row_offset_px": offset.median_px,
-        "answered_share": result.valid_share,
+        "vertical_disparity_px": offset.median_px,
+        "coverage": result.valid_share,
         "disparity_px": [float(v) for v in np.percentile(result.disparity[result.reasons == 0], (2, 50, 98))],
-        "sgbm_hh_answered_share": float(np.isfinite(rival).mean()),
+        "sgbm_hh_coverage": float(np.isfinite(rival).mean()),
         "difference_to_sgbm_hh_px": {
             "median": float(np.median(apart)),
             "over_1": float((apart > 1).mean()),
@@ -66,7 +66,7 @@ def main() -> None:
         **machine_record(),
     }
     args.json.write_text(json.dumps(record, indent=2) + "\n")
-    print(json.dumps({k: record[k] for k in ("difference_to_sgbm_hh_px", "photometric_levels", "answered_share")}))
+    print(json.dumps({k: record[k] for k in ("difference_to_sgbm_hh_px", "photometric_levels", "coverage")}))
 
 
 if __name__ == "__main__":

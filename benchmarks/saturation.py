@@ -68,7 +68,7 @@ def main() -> None:
         pairs: list[Feed] = []
         for index in tqdm(range(args.pairs), desc=name, unit="pair"):
             sample = reader[index]
-            factor = reduction(sample.left.shape[1], int(metadata["endosdk.usual_width"]))
+            factor = reduction(sample.left.shape[1], int(metadata["endosdk.inference_width"]))
             views = {"left": sample.left, "right": sample.right}
             pairs.append({key: reduced_view(view, factor).transpose(2, 0, 1)[None] for key, view in views.items()})
         by_gain = {f"{gain:g}": differences(file.data, pairs, gain) for gain in GAINS}

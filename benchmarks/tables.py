@@ -119,7 +119,7 @@ def agreement_table() -> str:
 def range_end_table() -> str:
     """What each margin before the last plane finds and loses, by model."""
     models = {name: _record("range_end")["models"][name]["margins"] for name in ("fast", "wang2020")}
-    what = ("marked_of_surfaces_beyond", "beyond_the_last_plane_of_marked", "marked_of_right_answers")
+    what = ("marked_of_surfaces_beyond", "beyond_the_max_candidate_disparity_of_marked", "marked_of_right_answers")
     heads = ["margin, px"]
     for name in models:
         heads += [f"`{name}`: marked of surfaces beyond", "of marked, beyond the last plane", "right answers lost"]

@@ -190,7 +190,7 @@ def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, g
     return depth**2 / focal_baseline * gain * np.sqrt(2) * scale
 
 
-def guided_upsampling(disparity: np.ndarray, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
+def joint_bilateral_upsampling(disparity: np.ndarray, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Disparity [h, w] of every pixel of ``view`` uint8 [3, H, W], which has H / h pixels per cell, float64 [H, W].
 
     Each pixel takes the mean of the cells less than three cells away, weighted by how near a cell lies (a tent), how

@@ -63,7 +63,7 @@ def network_costs(name: str, max_disparity: int, height: int, width: int) -> Net
     """Count one network for frames of this size, which a network with a usual width sees reduced."""
     with torch.device("meta"):
         network = build_network(name, max_disparity)
-    factor = reduction(width, network.usual_width)
+    factor = reduction(width, network.inference_width)
     seen = height // factor, width // factor
     return NetworkCosts(count_parameters(network), count_macs(name, max_disparity, *seen) / 1e9)
 

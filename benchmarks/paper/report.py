@@ -104,7 +104,7 @@ def _table(title: str, table: dict[str, Any]) -> list[str]:
         f"| the paper's wang2020, on its own data | {PAPER_EPE_PX} | | | | 21.8 (GTX 1080) | | | 100 | | |",
     ]
     methods = table.get("methods", {})
-    usual = _usual_timing(methods)
+    usual = _default_timing(methods)
     for name, label in LABELS.items():
         if name not in methods:
             lines.append(f"| {label} | {NOT_RUN} | | | | | | | | | |")
@@ -122,7 +122,7 @@ def _table(title: str, table: dict[str, Any]) -> list[str]:
     return [*lines, *_seen(methods)]
 
 
-def _usual_timing(methods: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
+def _default_timing(methods: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
     """Return the processor on which most rows were timed; None where no row says."""
     known = [row["timed_on"] for row in methods.values() if "timed_on" in row]
     return max(known, key=known.count) if known else None

@@ -251,7 +251,7 @@ std::string Estimator::diagnostics() const {
       JsonObject().text("name", info.name).text("version", info.version).text("sha256", session_.model_sha256())
           .text("license", info.license).text("intended_use", info.intended_use)
           .count("max_disparity", static_cast<uint64_t>(info.max_disparity))
-          .raw("last_plane", info.last_plane > 0 ? std::to_string(info.last_plane) : "null").done();
+          .raw("max_candidate_disparity", info.last_plane > 0 ? std::to_string(info.last_plane) : "null").done();
   const std::string latency = JsonObject()
                                   .number("p50", latency_.quantile_ms(0.5)).number("p95", latency_.quantile_ms(0.95))
                                   .number("p99", latency_.quantile_ms(0.99)).number("max", latency_.longest_ms()).done();

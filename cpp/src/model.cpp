@@ -100,10 +100,10 @@ ModelInfo parse_metadata(const MetadataLookup& lookup) {
   info.input_multiple = positive(lookup, "input_multiple");
   info.output_stride = positive(lookup, "output_stride");
   info.max_disparity = positive(lookup, "max_disparity");
-  if (lookup("endosdk.last_plane")) info.last_plane = positive(lookup, "last_plane");
-  require(info.last_plane <= info.max_disparity, ENDO_MODEL_METADATA, "endosdk.last_plane",
+  if (lookup("endosdk.max_candidate_disparity")) info.last_plane = positive(lookup, "max_candidate_disparity");
+  require(info.last_plane <= info.max_disparity, ENDO_MODEL_METADATA, "endosdk.max_candidate_disparity",
           Text("must be at most max_disparity, ", info.max_disparity), info.last_plane);
-  if (lookup("endosdk.usual_width")) info.usual_width = positive(lookup, "usual_width");
+  if (lookup("endosdk.inference_width")) info.usual_width = positive(lookup, "inference_width");
   info.license = required(lookup, "license");
   info.intended_use = required(lookup, "intended_use");
   return info;

@@ -56,7 +56,7 @@ def double_disparity(onnx, model):
         claim("input_multiple", "0"),
         claim("output_stride", "-4"),
         claim("max_disparity", "many"),
-        claim("last_plane", "33"),
+        claim("max_candidate_disparity", "33"),
         claim("name", ""),
         rename_input,
     ],

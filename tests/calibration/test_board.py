@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from endosdk.calibration.board import calibrate_board, find_corners, rectify_points, row_agreement, same_order
+from endosdk.calibration.board import calibrate_board, find_corners, rectify_points, row_correlation, same_order
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
 from tests.rigs import fisheye_rig, raw_rig, rotation
@@ -62,10 +62,10 @@ def test_exact_corners_give_the_rig_back() -> None:
 @pytest.mark.parametrize("rig", [raw_rig(), fisheye_rig()], ids=["pinhole", "fisheye"])
 def test_points_of_the_true_rig_share_their_rows(rig: StereoCalibration) -> None:
     left, right = corners_of(rig)
-    median, p95 = row_agreement(rig, left, right)
+    median, p95 = row_correlation(rig, left, right)
     assert median < 1e-3 and p95 < 5e-3
     tilted = dataclasses.replace(rig, translation=rig.translation + np.array([0, 0.05, 0]))
-    assert row_agreement(tilted, left, right)[0] > 0.1
+    assert row_correlation(tilted, left, right)[0] > 0.1
 
 
 def test_triangulated_depth_of_the_true_rig() -> None:

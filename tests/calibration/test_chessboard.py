@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.chessboard import SIZE, measure, read_corners
-from endosdk.calibration.board import row_agreement
+from endosdk.calibration.board import row_correlation
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.cli import main
 from endosdk.io.pictures import read_frame
@@ -64,7 +64,7 @@ def test_transform_of_the_folder_runs_from_right_to_left(board: Path, tmp_path: 
         rig.rotation.T,
         rig.translation,
     )
-    assert row_agreement(wrong, *read_corners(board)[1:])[0] > 10
+    assert row_correlation(wrong, *read_corners(board)[1:])[0] > 10
 
 
 def test_boards_are_found_and_solved_from_the_command_line(

@@ -44,7 +44,7 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
     _core.set_isa(isa)
     _core.set_threads(threads)
     found = upsampled(*pair)
-    np.testing.assert_allclose(found, reference.guided_upsampling(*pair), rtol=2e-6)
+    np.testing.assert_allclose(found, reference.joint_bilateral_upsampling(*pair), rtol=2e-6)
     _core.set_isa("plain")
     _core.set_threads(1)
     np.testing.assert_array_equal(found, upsampled(*pair))
@@ -56,7 +56,9 @@ def test_extreme_confidences_and_what_is_no_number(isa: str) -> None:
     disparity, confidence, view = scene(8, 40, 2)
     confidence[0, :5] = [0.0, 1.0, np.nan, -1.0, 2.0]
     np.testing.assert_allclose(
-        upsampled(disparity, confidence, view), reference.guided_upsampling(disparity, confidence, view), rtol=2e-6
+        upsampled(disparity, confidence, view),
+        reference.joint_bilateral_upsampling(disparity, confidence, view),
+        rtol=2e-6,
     )
     disparity[4, 20] = np.nan
     found = upsampled(disparity, confidence, view)
@@ -108,6 +110,6 @@ def test_the_output_may_be_larger_than_the_view() -> None:
     reasons = np.empty((96, 160), np.uint8)
     scales = {"image_scale_y": 0.25, "image_scale_x": 0.25}
     _core.postprocess(disparity, confidence, 1 / 8, 1 / 8, 4.0, *out, reasons, view, None, None, 0.0, **scales)
-    fine = reference.guided_upsampling(disparity, confidence, view)
+    fine = reference.joint_bilateral_upsampling(disparity, confidence, view)
     np.testing.assert_allclose(out[0], reference.resize_bilinear(fine, 96, 160, 0.25, 0.25, 4.0), rtol=1e-5)
     np.testing.assert_allclose(out[1], reference.resize_bilinear(confidence, 96, 160, 1 / 8, 1 / 8, 1.0), rtol=1e-5)

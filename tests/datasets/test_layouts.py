@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.datasets.layouts import open_dataset, usual_split
+from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.datasets.layouts.pfm import read_pfm
 from endosdk.errors import DatasetInvalid, InvalidArgument
 
@@ -336,7 +336,7 @@ def test_hash_follows_the_contents(tmp_path):
 
 
 def test_usual_split_is_the_one_with_truth():
-    assert [usual_split(name) for name in ("endosdk", "kitti", "middlebury", "scared", "servct")] == [
+    assert [default_split(name) for name in ("endosdk", "kitti", "middlebury", "scared", "servct")] == [
         "test",
         "train",
         "train",

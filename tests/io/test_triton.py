@@ -37,7 +37,7 @@ def test_the_configuration_fits_the_model_beside_it(model, tmp_path):
         assert next(iter(tensor.dims)) in (1, -1)
     assert told.parameters["endosdk.sha256"].string_value == info.sha256
     assert int(told.parameters["endosdk.input_multiple"].string_value) == info.input_multiple
-    assert ("endosdk.last_plane" in told.parameters) == (info.last_plane is not None)
+    assert ("endosdk.max_candidate_disparity" in told.parameters) == (info.max_candidate_disparity is not None)
 
 
 def test_models_share_a_repository_and_the_command_line_writes_it(tmp_path, capsys):

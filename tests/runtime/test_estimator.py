@@ -389,7 +389,7 @@ def out_of_range(model, disparity, network_size=None):
     return np.mean((reasons & Reason.OUT_OF_RANGE) != 0)
 
 
-def test_surfaces_nearer_than_the_last_plane_are_out_of_range():
+def test_surfaces_nearer_than_the_max_candidate_disparity_are_out_of_range():
     assert out_of_range(TINY_MODEL, 29) < 0.05
     assert out_of_range(TINY_MODEL, 31) > 0.5
     # At half the size the network's 31 px are 62 px of the frame.
@@ -397,12 +397,12 @@ def test_surfaces_nearer_than_the_last_plane_are_out_of_range():
     assert out_of_range(TINY_MODEL, 62, (120, 60)) > 0.5
 
 
-def test_a_model_that_does_not_state_its_last_plane_answers_up_to_it():
-    stated = b"endosdk.last_plane"
+def test_a_model_that_does_not_state_its_max_candidate_disparity_answers_up_to_it():
+    stated = b"endosdk.max_candidate_disparity"
     data = TINY_MODEL.read_bytes()
     assert data.count(stated) == 1
-    silent = data.replace(stated, b"another.last_plane")
-    assert DepthEstimator(silent).model.last_plane is None
+    silent = data.replace(stated, b"another.max_candidate_disparity")
+    assert DepthEstimator(silent).model.max_candidate_disparity is None
     assert out_of_range(silent, 31) < 0.05
 
 

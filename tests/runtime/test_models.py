@@ -24,14 +24,16 @@ GOOD = {
 def test_metadata_becomes_info():
     info = models.parse_metadata({**GOOD, "endosdk.training": json.dumps({"data": "x"})}, "ab")
     assert (info.input_multiple, info.output_stride, info.max_disparity) == (8, 4, 72)
-    assert (info.last_plane, info.usual_width) == (None, None)
+    assert (info.max_candidate_disparity, info.inference_width) == (None, None)
     assert info.training == {"data": "x"}
     assert info.sha256 == "ab"
 
 
 def test_what_a_model_may_say_beside():
-    info = models.parse_metadata({**GOOD, "endosdk.last_plane": "64", "endosdk.usual_width": "480"}, "")
-    assert (info.last_plane, info.usual_width) == (64, 480)
+    info = models.parse_metadata(
+        {**GOOD, "endosdk.max_candidate_disparity": "64", "endosdk.inference_width": "480"}, ""
+    )
+    assert (info.max_candidate_disparity, info.inference_width) == (64, 480)
 
 
 @pytest.mark.parametrize("key", sorted(GOOD))
@@ -47,9 +49,9 @@ def test_missing_key_is_named(key):
         ("input_multiple", "0"),
         ("output_stride", "-4"),
         ("max_disparity", "many"),
-        ("usual_width", "wide"),
-        ("last_plane", "63.5"),
-        ("last_plane", "73"),
+        ("inference_width", "wide"),
+        ("max_candidate_disparity", "63.5"),
+        ("max_candidate_disparity", "73"),
         ("channel_order", "bgr"),
         ("training", "{"),
     ],

@@ -49,8 +49,8 @@ def test_the_file_describes_itself(model):
         "channel_order": "rgb",
         "license": "Apache-2.0",
         "training": '{"recipe":"none"}',
-        "last_plane": {"wang2020": "32", "fast": "36"}[network.name],
-        **({} if network.usual_width is None else {"usual_width": str(network.usual_width)}),
+        "max_candidate_disparity": {"wang2020": "32", "fast": "36"}[network.name],
+        **({} if network.inference_width is None else {"inference_width": str(network.inference_width)}),
     }
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected
     assert "not a medical device" in metadata["endosdk.intended_use"]

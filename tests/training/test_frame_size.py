@@ -50,7 +50,7 @@ class OneFrame:
 
 
 def test_crops_come_at_the_width_the_network_is_made_for():
-    crops = Crops(OneFrame(128, 960), [0], (64, 480), seed=0, augment=False, usual_width=480)
+    crops = Crops(OneFrame(128, 960), [0], (64, 480), seed=0, augment=False, inference_width=480)
     left, _, truth = crops[0]
     assert left.shape == (3, 64, 480)
     assert truth.unique().tolist() == [10.0]

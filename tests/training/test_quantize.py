@@ -154,8 +154,8 @@ def test_the_file_still_describes_itself(files, tmp_path):
     describe_quantised(copy, "quick", {"name": "some set", "all": {"epe_px": 0.5}})
     properties = {entry.key: entry.value for entry in onnx.load(copy).metadata_props}
     info = parse_metadata(properties, hashlib.sha256(copy.read_bytes()).hexdigest())
-    assert (info.name, info.output_stride, info.max_disparity, info.usual_width) == ("quick", 2, 40, 480)
-    assert info.last_plane == 36
+    assert (info.name, info.output_stride, info.max_disparity, info.inference_width) == ("quick", 2, 40, 480)
+    assert info.max_candidate_disparity == 36
     assert info.training["quantisation"]["pairs"] == 3
     assert info.training["test"]["all"]["epe_px"] == 0.5
 

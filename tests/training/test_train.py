@@ -175,13 +175,13 @@ def test_a_run_of_another_range_can_be_the_start(network, dataset_root, tmp_path
 
 
 def test_frames_can_be_seen_narrower(dataset_root, tmp_path):
-    narrow = settings(dataset_root, usual_width=128, max_disparity=32, steps=1)  # frames are 256 px wide
+    narrow = settings(dataset_root, inference_width=128, max_disparity=32, steps=1)  # frames are 256 px wide
     train(narrow, tmp_path / "narrow")
-    assert checkpoint.load(tmp_path / "narrow").build().usual_width == 128
+    assert checkpoint.load(tmp_path / "narrow").build().inference_width == 128
     with pytest.raises(InvalidArgument, match="fit into frames of 64 x 128, as the network sees them"):
         train(replace(narrow, crop=(64, 136)), tmp_path / "too-wide")
-    with pytest.raises(InvalidArgument, match="usual_width: must be the checkpoint's 128"):
-        train(replace(narrow, usual_width=None, steps=2), tmp_path / "narrow", resume=True)
+    with pytest.raises(InvalidArgument, match="inference_width: must be the checkpoint's 128"):
+        train(replace(narrow, inference_width=None, steps=2), tmp_path / "narrow", resume=True)
 
 
 def test_a_run_is_not_overwritten(dataset_root, tmp_path):

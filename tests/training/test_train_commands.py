@@ -37,7 +37,7 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     metadata = ort.InferenceSession(model).get_modelmeta().custom_metadata_map
     assert (metadata["endosdk.name"], metadata["endosdk.version"]) == ("trial", "7")
     assert json.loads(metadata["endosdk.training"]) == report["training"]
-    assert (metadata["endosdk.max_disparity"], metadata["endosdk.usual_width"]) == ("48", "160")
+    assert (metadata["endosdk.max_disparity"], metadata["endosdk.inference_width"]) == ("48", "160")
     assert str(tmp_path) not in metadata["endosdk.training"]
 
     # Weights alone can be exported where a set to score them on is given.

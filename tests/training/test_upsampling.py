@@ -8,7 +8,7 @@ import torch
 
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Deployed, Prediction
-from endosdk.training.upsampling import guided_upsampling, on_input_grid
+from endosdk.training.upsampling import joint_bilateral_upsampling, on_input_grid
 from tests.core.test_joint_bilateral import scene, upsampled
 
 
@@ -20,7 +20,7 @@ def log_scale(confidence: np.ndarray) -> torch.Tensor:
 @pytest.mark.parametrize("size", [(1, 1, 2), (9, 13, 2), (7, 66, 3), (4, 9, 8)])
 def test_is_what_the_core_does(size: tuple[int, int, int]) -> None:
     disparity, confidence, view = scene(*size)
-    found = guided_upsampling(
+    found = joint_bilateral_upsampling(
         torch.from_numpy(disparity)[None, None], log_scale(confidence)[None, None], torch.from_numpy(view)[None].float()
     )
     np.testing.assert_allclose(found[0, 0].numpy(), upsampled(disparity, confidence, view), rtol=5e-6)
@@ -29,7 +29,7 @@ def test_is_what_the_core_does(size: tuple[int, int, int]) -> None:
 def test_gradient_is_the_share_of_each_cell() -> None:
     disparity, confidence, view = scene(5, 6, 2)
     cells = torch.from_numpy(disparity)[None, None].requires_grad_()
-    found = guided_upsampling(cells, log_scale(confidence)[None, None], torch.from_numpy(view)[None].float())
+    found = joint_bilateral_upsampling(cells, log_scale(confidence)[None, None], torch.from_numpy(view)[None].float())
     found[0, 0, 4, 7].backward()
     assert cells.grad is not None
     # The answer is a mean: shares that are no less than 0 and sum to 1, most of it from cells that lie near.
@@ -39,7 +39,7 @@ def test_gradient_is_the_share_of_each_cell() -> None:
     assert (share * cells[0, 0]).sum().item() == pytest.approx(found[0, 0, 4, 7].item(), rel=1e-5)
     moved = disparity.copy()
     moved[2, 3] += 1.0
-    other = guided_upsampling(
+    other = joint_bilateral_upsampling(
         torch.from_numpy(moved)[None, None], log_scale(confidence)[None, None], torch.from_numpy(view)[None].float()
     )
     assert (other - found)[0, 0, 4, 7].item() == pytest.approx(share[2, 3].item(), abs=1e-5)

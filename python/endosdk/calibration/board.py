@@ -80,11 +80,11 @@ def calibrate_board(
     error, *solved = cv2.stereoCalibrate(board, a, b, k1, d1, k2, d2, size, flags=together, criteria=stop)
     k1, d1, k2, d2, rotation, translation = (np.asarray(part, dtype=np.float64) for part in solved[:6])
     calibration = StereoCalibration(*size, k1, k2, d1.ravel(), d2.ravel(), rotation, translation.ravel())
-    median, p95 = row_agreement(calibration, left, right)
+    median, p95 = row_correlation(calibration, left, right)
     return BoardCalibration(calibration, float(error), median, p95)
 
 
-def row_agreement(
+def row_correlation(
     calibration: StereoCalibration, left: Sequence[Points], right: Sequence[Points]
 ) -> tuple[float, float]:
     """Return median and 95th percentile in px of the rows by which matching points differ after rectification."""

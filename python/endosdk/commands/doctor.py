@@ -76,15 +76,15 @@ def _report_models() -> bool:
 
 
 def _report_pair(left: Path, right: Path) -> bool:
-    from endosdk.commands.predict import ROW_OFFSET_LIMIT
-    from endosdk.evaluation.vertical_disparity import row_offset
+    from endosdk.commands.predict import VERTICAL_DISPARITY_LIMIT
+    from endosdk.evaluation.vertical_disparity import vertical_disparity
     from endosdk.io.pictures import read_frame
 
-    offset = row_offset(read_frame(left), read_frame(right))
+    offset = vertical_disparity(read_frame(left), read_frame(right))
     if offset.median_px is None:
         print(f"pair         too few matches to judge ({offset.matches})")
         return True
-    rectified = offset.median_px <= ROW_OFFSET_LIMIT
+    rectified = offset.median_px <= VERTICAL_DISPARITY_LIMIT
     verdict = "rectified" if rectified else "PROBLEM not rectified"
     print(f"pair         rows differ by {offset.median_px:.2f} px (median of {offset.matches} matches): {verdict}")
     return rectified

@@ -37,13 +37,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate and print a table."""
-    from endosdk.datasets.layouts import open_dataset, usual_split
+    from endosdk.datasets.layouts import default_split, open_dataset
     from endosdk.evaluation.methods import evaluate, write_worst
     from endosdk.jobs.bench import write_record
     from endosdk.jobs.machine import machine_record
 
     method, model = _sgbm(args) if args.model == "sgbm" else _estimator(args)
-    split = args.split or usual_split(args.layout)
+    split = args.split or default_split(args.layout)
     reader = open_dataset(args.data, split, layout=args.layout)
     scores = evaluate(method, reader, args.pairs)
     for region in ("all", "non_occluded"):

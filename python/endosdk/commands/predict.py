@@ -13,7 +13,7 @@ from endosdk.errors import InvalidArgument
 if TYPE_CHECKING:
     from endosdk.runtime.result import DepthResult
 
-ROW_OFFSET_LIMIT = 1.5  # px; beyond it rows of the two views do not correspond and matching along rows fails
+VERTICAL_DISPARITY_LIMIT = 1.5  # px; beyond it rows of the two views do not correspond and matching along rows fails
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Predict, write the files, print what was found."""
     from endosdk import DepthEstimator, StereoCalibration
     from endosdk.commands.sizes import parse_size
-    from endosdk.evaluation.vertical_disparity import row_offset
+    from endosdk.evaluation.vertical_disparity import vertical_disparity
     from endosdk.io.pictures import read_frame, write_result
 
     left, right = read_frame(args.left), read_frame(args.right)
@@ -68,8 +68,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"speed      {1000 / median:.2f} FPS ({stages})")
     if args.truth:
         _print_error(result, args.truth)
-    offset = row_offset(view, other)
-    if offset.median_px is not None and offset.median_px > ROW_OFFSET_LIMIT:
+    offset = vertical_disparity(view, other)
+    if offset.median_px is not None and offset.median_px > VERTICAL_DISPARITY_LIMIT:
         print(f"WARNING    rows differ by {offset.median_px:.1f} px (median): not rectified; give --calibration")
     for name, path in files.items():
         print(f"{'written' if name == 'disparity.png' else '':10} {path}")

@@ -9,7 +9,7 @@ from typing import Any
 # Settings that the command line offers, with the text that --help shows; the rest keep the defaults of TrainConfig.
 _SETTINGS: dict[str, tuple[type, str]] = {
     "max_disparity": (int, "range of the network in px, a multiple of 8"),
-    "usual_width": (int, "width in px at which frames are to be seen; narrower is quicker"),
+    "inference_width": (int, "width in px at which frames are to be seen; narrower is quicker"),
     "layout": (str, "how the data set is laid out"),
     "train_pairs": (int, "use only the first so many pairs"),
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),

@@ -33,7 +33,7 @@ class RowOffset:
     matches: int
 
 
-def row_offset(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> RowOffset:
+def vertical_disparity(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> RowOffset:
     """Match features between two uint8 pictures [H,W] or [H,W,3] (RGB or BGR) and compare their rows.
 
     Takes about a second at 1280x1024. Raises `InvalidArgument` for anything that is no pair of pictures.

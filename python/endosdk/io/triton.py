@@ -45,8 +45,8 @@ def _configuration(session: StereoSession, info: ModelInfo) -> str:
         "channel_order": info.channel_order,
         "input_multiple": info.input_multiple,
         "output_stride": info.output_stride,
-        "usual_width": info.usual_width,
-        "last_plane": info.last_plane,
+        "inference_width": info.inference_width,
+        "max_candidate_disparity": info.max_candidate_disparity,
     }
     parameters = [
         f'parameters {{ key: "endosdk.{key}" value {{ string_value: {_quoted(str(value))} }} }}'

@@ -234,7 +234,7 @@ class _Sgbm:
         return {
             "fps": 1000 / float(np.mean(self._milliseconds)),
             "epe_px": self._epe,
-            "answered_share": self._answered,
+            "coverage": self._answered,
             "latency_ms": _spread(self._milliseconds),
             "includes": "matching of rectified pictures only; holes are filled for the error, not for the time",
         }

@@ -69,9 +69,9 @@ class DepthEstimator:
             at most 8.
         channel_order: ``rgb`` or ``bgr``, the order of colour frames. Gray frames need none.
         network_size: (width, height) the network works at, px; smaller is faster and widens the range of disparities in
-            px of the frame. Default: at most as wide as the model's ``usual_width``; for a model that names none, the
-            size of the frames up to a width of 960, and 720 px wide for wider frames, whose disparities would lie
-            beyond the range. All outputs keep the size of the frame.
+            px of the frame. Default: at most as wide as the model's ``inference_width``. For a model that names
+            none: the size of the frames up to a width of 960, and 720 px wide for wider frames, whose disparities
+            would lie beyond the range. All outputs keep the size of the frame.
         min_confidence: below it a pixel has no answer, 0..1. With 0 every pixel counts as trusted, those of a covered
             camera too: `Status` then tells nothing.
         depth_range_mm: (nearest, farthest) depth that counts as an answer; needs a calibration.
@@ -107,7 +107,7 @@ class DepthEstimator:
         self._session = StereoSession(
             read_model(model, integer_units=integer_units), provider=provider, threads=self._threads, spinning=spinning
         )
-        self._limits = Limits(*limits, self._session.info.last_plane)
+        self._limits = Limits(*limits, self._session.info.max_candidate_disparity)
         self._slot: _Slot | None = None  # of predict
         self._latest: _Slot | None = None
         self._full_stage: RectifyStage | None = None  # of rectify
@@ -280,8 +280,8 @@ class DepthEstimator:
         """Return maps and buffers for this frame size; nothing changes when it is refused."""
         if self._slot is not None and self._slot.stage.frame_size == (width, height):
             return self._slot
-        usual_width = self._session.info.usual_width or 0
-        network_size = self._network_size or _core.usual_network_size(width, height, usual_width)
+        inference_width = self._session.info.inference_width or 0
+        network_size = self._network_size or _core.usual_network_size(width, height, inference_width)
         self._slot = self._new_slot(RectifyStage((width, height), self._calibration, network_size), self._session)
         return self._slot
 

@@ -35,8 +35,10 @@ class ModelInfo:
     input_multiple: int  # both sides of the input are padded to a multiple of this, px
     output_stride: int  # the output grid is the input grid divided by this
     max_disparity: int  # px at the input width; larger disparities cannot be found
-    last_plane: int | None  # the largest disparity the network has a plane for, px; None: not stated
-    usual_width: int | None  # wider frames are seen at this width unless the caller sets a size, px; None: none named
+    max_candidate_disparity: int | None  # the largest disparity the network has a plane for, px; None: not stated
+    inference_width: (
+        int | None
+    )  # wider frames are seen at this width unless the caller sets a size, px; None: none named
     channel_order: str
     license: str
     training: dict[str, Any]  # data set ids and hashes, recipe, metrics on the test split
@@ -100,17 +102,21 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
     except json.JSONDecodeError as error:
         raise ModelMetadata("training", "must be JSON", str(error)) from error
     max_disparity = _positive(metadata, "max_disparity")
-    last_plane = _optional(metadata, "last_plane")
-    if last_plane is not None and last_plane > max_disparity:
-        raise ModelMetadata(PREFIX + "last_plane", f"must be at most max_disparity, {max_disparity}", last_plane)
+    max_candidate_disparity = _optional(metadata, "max_candidate_disparity")
+    if max_candidate_disparity is not None and max_candidate_disparity > max_disparity:
+        raise ModelMetadata(
+            PREFIX + "max_candidate_disparity",
+            f"must be at most max_disparity, {max_disparity}",
+            max_candidate_disparity,
+        )
     return ModelInfo(
         name=_required(metadata, "name"),
         version=_required(metadata, "version"),
         input_multiple=_positive(metadata, "input_multiple"),
         output_stride=_positive(metadata, "output_stride"),
         max_disparity=max_disparity,
-        last_plane=last_plane,
-        usual_width=_optional(metadata, "usual_width"),
+        max_candidate_disparity=max_candidate_disparity,
+        inference_width=_optional(metadata, "inference_width"),
         channel_order=order,
         license=_required(metadata, "license"),
         training=training,

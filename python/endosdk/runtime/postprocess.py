@@ -49,7 +49,7 @@ class Limits:
     min_confidence: float  # below it a pixel is LOW_CONFIDENCE
     min_depth_mm: float  # outside [min, max] a pixel is OUT_OF_RANGE
     max_depth_mm: float
-    last_plane: int | None  # the network's last disparity plane, px of what it sees; there a pixel is OUT_OF_RANGE
+    max_candidate_disparity: int | None  # px of what the network sees; there a pixel is OUT_OF_RANGE
 
 
 def postprocess(
@@ -90,7 +90,7 @@ def postprocess(
         limits.max_depth_mm,
         scale_y,
         scale_x,
-        limits.last_plane or 0,
+        limits.max_candidate_disparity or 0,
         found.right,
         same_frames,
         stage.right_shift,

@@ -58,7 +58,7 @@ class Checkpoint:
 def configured_network(config: TrainConfig) -> StereoNetwork:
     """Build the network that a run is about, with random weights."""
     return build_network(
-        config.network, config.max_disparity, answer_cell=config.answer_cell, usual_width=config.usual_width
+        config.network, config.max_disparity, answer_cell=config.answer_cell, inference_width=config.inference_width
     )
 
 

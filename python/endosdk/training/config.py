@@ -18,7 +18,7 @@ LARGEST = 10**9
 # What each number must lie within, ends included.
 RANGES = {
     "max_disparity": (1, LARGEST),
-    "usual_width": (64, LARGEST),
+    "inference_width": (64, LARGEST),
     "train_pairs": (1, LARGEST),
     "held_out": (0, LARGEST),
     "batch": (1, LARGEST),
@@ -47,7 +47,7 @@ class TrainConfig:
     network: str = "wang2020"
     max_disparity: int = 72  # px; pixels with larger truth are left out of the loss
     data: str = ""  # root of the data set
-    usual_width: int | None = None  # px at which frames are to be seen; None: what the network is made for
+    inference_width: int | None = None  # px at which frames are to be seen; None: what the network is made for
     layout: str = "endosdk"  # how the data set is laid out on disk
     train_pairs: int | None = None  # use only the first so many pairs; None: all but those held out
     held_out: int = 8  # last pairs of the train split, kept for validation and for fitting the confidence

@@ -51,9 +51,9 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         seed: int,
         augment: bool = True,
         cache_gib: float = 8.0,
-        usual_width: int | None = None,
+        inference_width: int | None = None,
     ) -> None:
-        """Read the given samples of ``reader``, reduced to about ``usual_width``; memory keeps up to ``cache_gib``.
+        """Read the given samples of ``reader``, reduced to about ``inference_width``; memory keeps up to ``cache_gib``.
 
         Raises InvalidArgument when there is none, or when the first is smaller than ``crop``.
         """
@@ -64,7 +64,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         self.crop = crop
         self.seed = seed
         self.augment = augment
-        self.usual_width = usual_width
+        self.inference_width = inference_width
         self._cache: dict[int, _Stored] = {}
         self._room = int(cache_gib * 2**30)
         self._check_size(self._load(self.indices[0]))
@@ -100,7 +100,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         if index in self._cache:
             return self._cache[index]
         sample = self.reader[index]
-        factor = reduction(sample.left.shape[1], self.usual_width)
+        factor = reduction(sample.left.shape[1], self.inference_width)
         left, right = (reduced_view(view, factor) for view in (sample.left, sample.right))
         truth, truth_right = (
             None if truth is None else _packed(reduced_truth(truth, factor))

@@ -127,7 +127,10 @@ def _metadata(deployed: Deployed, info: ModelInfo) -> dict[str, str]:
         "training": json.dumps(info.training, sort_keys=True, separators=(",", ":")),
         "intended_use": info.intended_use,
     }
-    for key, value in (("usual_width", network.usual_width), ("last_plane", network.last_plane)):
+    for key, value in (
+        ("inference_width", network.inference_width),
+        ("max_candidate_disparity", network.max_candidate_disparity),
+    ):
         if value is not None:
             entries[key] = str(value)
     return {f"endosdk.{key}": value for key, value in entries.items()}

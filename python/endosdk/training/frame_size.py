@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def reduction(width: int, usual_width: int | None) -> int:
+def reduction(width: int, inference_width: int | None) -> int:
     """Return the whole factor by which frames of this width are reduced for a network; 1: not at all."""
-    return 1 if usual_width is None else max(1, round(width / usual_width))
+    return 1 if inference_width is None else max(1, round(width / inference_width))
 
 
 def reduced_view(view: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:

@@ -201,10 +201,10 @@ class _Frames(CalibrationDataReader):  # type: ignore[misc]
     @staticmethod
     def _read(reader: DatasetReader, indices: Sequence[int], properties: dict[str, str]) -> Iterator[dict[str, Any]]:
         multiple = int(properties[PREFIX + "input_multiple"])
-        usual_width = properties.get(PREFIX + "usual_width")
+        inference_width = properties.get(PREFIX + "inference_width")
         for index in tqdm(indices, desc="measuring ranges", unit="pair"):
             sample = reader[index]
-            factor = reduction(sample.left.shape[1], None if usual_width is None else int(usual_width))
+            factor = reduction(sample.left.shape[1], None if inference_width is None else int(inference_width))
             feed = {}
             for name, view in (("left", sample.left), ("right", sample.right)):
                 padded = pad_to_multiple(planar(reduced_view(view, factor))[None].float(), multiple)

@@ -21,7 +21,7 @@ from endosdk.training.validation import full_scores
 RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges of 8-bit integers
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.
 RECIPE = (
-    "usual_width train_pairs held_out loss balance coarse_weight optimiser rate final_rate decay steps batch crop "
+    "inference_width train_pairs held_out loss balance coarse_weight optimiser rate final_rate decay steps batch crop "
     "refine_from_step refine_crop refine_only answer_cell augment seed"
 ).split()
 

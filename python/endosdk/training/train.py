@@ -67,7 +67,7 @@ class Run:
         # Before the data, which takes its time to open: a wrong name or range is told at once.
         torch.manual_seed(config.seed)
         self.network = checkpoint.configured_network(config)
-        self.crop = config.crop or self.network.usual_crop
+        self.crop = config.crop or self.network.default_crop
         # The checkpoint says what was done, whatever may be usual one day.
         self.config = replace(config, crop=self.crop)
         self.loss = build_loss(config.loss, config.balance)
@@ -82,7 +82,7 @@ class Run:
             seed=config.seed,
             augment=config.augment,
             cache_gib=config.cache_gib,
-            usual_width=self.network.usual_width,
+            inference_width=self.network.inference_width,
         )
         self.step, self.seconds = 0, 0.0
         self.history: list[dict[str, float]] = []
@@ -107,7 +107,7 @@ class Run:
         # No weight depends on how many planes are searched, or on what is done beside the layers: a run may start from
         # one of another range, and from another network of the same weights.
         others = ("network",) if saved.differing(self.network) else ()
-        for name in ("network", "max_disparity", "usual_width") if resume else others:
+        for name in ("network", "max_disparity", "inference_width") if resume else others:
             if getattr(saved.config, name) != getattr(self.config, name):
                 raise InvalidArgument(
                     name, f"must be the checkpoint's {getattr(saved.config, name)}", getattr(self.config, name)

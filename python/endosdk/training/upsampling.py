@@ -40,11 +40,11 @@ def on_input_grid(
     with torch.no_grad():
         known = prediction._replace(evidence=prediction.evidence.float())
         log_scale = log_scale_of(network.in_cells(network.trust(known)))
-    guided = guided_upsampling(network.in_cells(maps[-1]), log_scale, left)
+    guided = joint_bilateral_upsampling(network.in_cells(maps[-1]), log_scale, left)
     return [*(to_input_grid(found, stride) for found in maps[:-1]), guided]
 
 
-def guided_upsampling(disparity: Tensor, log_scale: Tensor, view: Tensor) -> Tensor:
+def joint_bilateral_upsampling(disparity: Tensor, log_scale: Tensor, view: Tensor) -> Tensor:
     """Bring disparity [N, 1, h, w] to the grid of the left view [N, 3, H, W], 0..255, of H / h pixels a cell.
 
     A pixel takes the mean of the cells around it, weighted by how near they lie, how much their mean colour is like

@@ -46,7 +46,7 @@ def predict_frames(
     network.eval()
     for index in tqdm(indices, desc=title, unit="pair", disable=not title, leave=False):
         sample = reader[index]
-        factor = reduction(sample.left.shape[1], network.usual_width)
+        factor = reduction(sample.left.shape[1], network.inference_width)
         left, right = (
             pad_to_multiple(planar(reduced_view(view, factor))[None].to(device, torch.float32), network.input_multiple)
             for view in (sample.left, sample.right)

@@ -32,6 +32,6 @@ def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> Datas
     return READERS[layout](Path(root), split)
 
 
-def usual_split(layout: str) -> str:
+def default_split(layout: str) -> str:
     """Return the split that is meant for evaluation and has its truth published."""
-    return READERS[layout].usual_split if layout in READERS else "test"
+    return READERS[layout].default_split if layout in READERS else "test"

@@ -39,7 +39,7 @@ class KittiReader(PublicReader):
 
     layout = "kitti"
     splits = ("train",)
-    usual_split = "train"
+    default_split = "train"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the frames of the edition that lies there."""

@@ -24,7 +24,7 @@ class MiddleburyReader(PublicReader):
 
     layout = "middlebury"
     splits = ("train",)
-    usual_split = "train"
+    default_split = "train"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the scenes."""

@@ -20,7 +20,7 @@ class PublicReader(DatasetReader):
 
     layout: ClassVar[str]
     splits: ClassVar[tuple[str, ...]]  # those with published truth
-    usual_split: ClassVar[str]
+    default_split: ClassVar[str]
 
     def __init__(self, root: Path, split: str) -> None:
         """Find the samples of the split. Raises DatasetInvalid when there is none."""

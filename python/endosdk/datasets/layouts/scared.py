@@ -28,7 +28,7 @@ class ScaredReader(PublicReader):
 
     layout = "scared"
     splits = ("train", "test")
-    usual_split = "test"
+    default_split = "test"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the frames of the sets of this split: 1 to 7 for training, 8 and 9 for testing."""

@@ -25,7 +25,7 @@ class ServCtReader(PublicReader):
 
     layout = "servct"
     splits = ("test",)
-    usual_split = "test"
+    default_split = "test"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the pairs of every experiment that lies there."""

@@ -24,17 +24,17 @@ NETWORKS: dict[str, Callable[..., StereoNetwork]] = {
 
 
 def build_network(
-    name: str, max_disparity: int = 72, *, answer_cell: int = 1, usual_width: int | None = None
+    name: str, max_disparity: int = 72, *, answer_cell: int = 1, inference_width: int | None = None
 ) -> StereoNetwork:
     """Build the named network with random weights.
 
-    ``max_disparity`` in px at the input width; ``answer_cell`` as in `StereoNetwork.answer_in_cells`; ``usual_width``
-    in px, at which frames are to be seen, by default the one that the network is made for.
+    ``max_disparity`` in px at the input width; ``answer_cell`` as in `StereoNetwork.answer_in_cells`;
+    ``inference_width`` in px, at which frames are to be seen, by default the one that the network is made for.
     """
     if name not in NETWORKS:
         raise InvalidArgument("network", f"must be one of {', '.join(sorted(NETWORKS))}", name)
     network = NETWORKS[name](max_disparity=max_disparity)
     network.answer_in_cells(answer_cell)
-    if usual_width is not None:
-        network.usual_width = usual_width
+    if inference_width is not None:
+        network.inference_width = inference_width
     return network

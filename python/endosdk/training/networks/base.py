@@ -70,13 +70,13 @@ class StereoNetwork(nn.Module, ABC):
     refine_margin: int  # how far the refinement looks, in input pixels, up to a multiple of ``input_multiple``
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
     plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
-    usual_width: int | None = None  # width at which frames are to be seen, px; None: any
+    inference_width: int | None = None  # width at which frames are to be seen, px; None: any
     # Height and width of a training crop, px: wide, so that the band without a match on the left stays small.
-    usual_crop: tuple[int, int] = (256, 512)
+    default_crop: tuple[int, int] = (256, 512)
     confidence: ConfidenceHead
 
     @property
-    def last_plane(self) -> int | None:
+    def max_candidate_disparity(self) -> int | None:
         """The largest disparity there is a plane for, input px: answers for nearer surfaces pile up there."""
         return None if self.plane_step is None else self.max_disparity - self.plane_step
 

@@ -61,8 +61,8 @@ class Fast(StereoNetwork):
     coarse_stride = CELL
     output_stride = STRIDE
     plane_step = CELL
-    usual_width = 480
-    usual_crop = (256, 384)  # of frames of 4:3, which it sees 360 px high
+    inference_width = 480
+    default_crop = (256, 384)  # of frames of 4:3, which it sees 360 px high
     hint_unit = 1.0  # planes; of the disparity that the refinement is told
 
     def __init__(self, max_disparity: int = 48, shape: Shape | None = None) -> None:
