@@ -34,7 +34,7 @@ $(VENV)/.runtime: $(VENV)/.python pyproject.toml CMakeLists.txt $(shell find cpp
 $(VENV)/.develop: $(VENV)/.python pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp -type f)
 	@echo "installing endosdk, training, renderer and test tools into $(VENV) (a few minutes the first time)"
 	@$(PIP) 'scikit-build-core>=1.0' 'pybind11>=3.0' cmake ninja
-	@$(PIP) --no-build-isolation -e '.[cpu,train,simulate,ray,viz,dev]'
+	@$(PIP) --no-build-isolation -e '.[cpu,train,simulate,live,ray,viz,dev]'
 	@touch $@ $(VENV)/.runtime
 
 $(VENV)/.python:

@@ -10,6 +10,7 @@ telemetry.disable()  # before anything can import onnxruntime: later is too late
 from endosdk._core import version as __version__  # noqa: E402
 from endosdk.calibration.rig import StereoCalibration  # noqa: E402
 from endosdk.errors import EndoError, ErrorCode  # noqa: E402
+from endosdk.live.sources import open_source  # noqa: E402
 from endosdk.runtime.estimator import DepthEstimator  # noqa: E402
 from endosdk.runtime.models import shipped_models  # noqa: E402
 from endosdk.runtime.result import DepthResult, Reason, Status  # noqa: E402
@@ -23,6 +24,7 @@ __all__ = [
     "Status",
     "StereoCalibration",
     "__version__",
+    "open_source",
     "shipped_models",
 ]
 

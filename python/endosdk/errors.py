@@ -35,6 +35,8 @@ class ErrorCode(IntEnum):
     OUT_OF_MEMORY = 19
     SELF_TEST_FAILED = 20
     INTERNAL = 21
+    # Of Python alone.
+    SOURCE_FAILED = 22
 
 
 class EndoError(Exception):
@@ -155,3 +157,9 @@ class StorageFailed(EndoError, OSError):
     """A file could not be written: full disk, read-only folder."""
 
     code = ErrorCode.STORAGE_FAILED
+
+
+class SourceFailed(EndoError, OSError):
+    """A source of frames cannot be read, or not any further: a broken video, a camera that is gone."""
+
+    code = ErrorCode.SOURCE_FAILED

@@ -1,0 +1,158 @@
+"""PyAV: from a file, a device or a pipe to RGB pictures with time stamps.
+
+FFmpeg knows every pixel format that cameras and capture cards give (4:2:2, NV12, gray, 10 bits); a picture becomes RGB
+uint8 by the colour matrix and range that the stream states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from endosdk.errors import DependencyMissing, SourceFailed
+from endosdk.live.frames import Picture
+from endosdk.live.sources.base import DEFAULT_RATE, Scan, stamp_of
+
+if TYPE_CHECKING:
+    import av
+    import av.filter
+
+DEINTERLACER = "bwdif"  # motion adaptive; one picture a frame, so that frames keep their number
+DAMAGED = "the decoder reports damage in this frame"
+
+
+class Decoded(NamedTuple):
+    """One picture as it was decoded."""
+
+    picture: Picture
+    stamp_ns: int
+    fault: str | None
+
+
+def load_av() -> Any:
+    """Import PyAV. Raises DependencyMissing."""
+    try:
+        import av
+    except ImportError as error:
+        raise DependencyMissing("source", "videos and cameras need PyAV: pip install 'endosdk[live]'", error) from error
+    av.logging.set_level(av.logging.PANIC)  # what matters is raised or noted
+    return av
+
+
+class Decoder:
+    """One video stream that is open. ``name`` is what errors call it; ``note`` is told what goes wrong on the way."""
+
+    def __init__(
+        self,
+        file: str | BinaryIO,
+        name: str,
+        note: Callable[[str], None],
+        *,
+        scan: Scan = "auto",
+        container: str | None = None,
+        options: Mapping[str, str] | None = None,
+        stream: int = 0,
+    ) -> None:
+        self._av = load_av()
+        self._name = name
+        self._note = note
+        self._scan = scan
+        try:
+            self._container = self._av.open(file, format=container, options=dict(options or {}))
+        except (self._av.FFmpegError, OSError, ValueError) as error:
+            raise SourceFailed("source", "must be a video that FFmpeg can read", f"{name}: {error}") from error
+        if len(self._container.streams.video) <= stream:
+            self.close()
+            raise SourceFailed("source", "must hold a video stream", name)
+        self._stream = self._container.streams.video[stream]
+        self._stream.thread_type = "AUTO"
+        self._graph: av.filter.Graph | None = None
+        self._size: tuple[int, int] | None = None
+
+    @property
+    def rate(self) -> float:
+        """Frames a second that the stream states, or the default."""
+        return float(self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE)
+
+    @property
+    def count(self) -> int | None:
+        """Number of frames that the file states; None where it does not."""
+        return self._stream.frames or None
+
+    @property
+    def end_ns(self) -> int | None:
+        """Time at which the file says it ends, ns; None where it does not say."""
+        duration = self._container.duration
+        return None if duration is None else round(duration * 1e9 / self._av.time_base)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._container.close()
+
+    def pictures(self) -> Iterator[Decoded]:
+        """Yield all pictures. Packets that cannot be decoded are noted and passed over."""
+        number = 0
+        for frame in self._deinterlaced(self._frames()):
+            size = frame.width, frame.height
+            if self._size not in (None, size):
+                raise SourceFailed("source", f"must keep its size, {self._size}", f"{size} from frame {number} on")
+            self._size = size
+            stamp = stamp_of(number, self.rate) if frame.pts is None else round(frame.pts * frame.time_base * 10**9)
+            picture = np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+            yield Decoded(picture, stamp, DAMAGED if frame.is_corrupt else None)
+            number += 1
+
+    def _frames(self) -> Iterator[Any]:
+        packets = self._container.demux(self._stream)
+        while True:
+            try:
+                packet = next(packets)
+            except StopIteration:
+                return
+            except self._av.FFmpegError as error:
+                raise SourceFailed("source", "ended with an error", f"{self._name}: {error}") from error
+            if packet.is_corrupt:
+                self._note("a packet is cut short")
+            try:
+                yield from packet.decode()
+            except self._av.EOFError:
+                return
+            except self._av.FFmpegError as error:
+                self._note(f"a packet cannot be decoded ({error.strerror}) and is lost")
+
+    def _deinterlaced(self, frames: Iterator[Any]) -> Iterator[Any]:
+        """Pass frames on, through the deinterlacer where they need it."""
+        for frame in frames:
+            if self._graph is None and self._needs_fields_joined(frame):
+                self._graph = self._new_graph()
+            if self._graph is None:
+                yield frame
+                continue
+            self._graph.vpush(frame)
+            yield from self._pulled()
+        if self._graph is not None:
+            self._graph.vpush(None)
+            yield from self._pulled()
+
+    def _needs_fields_joined(self, frame: Any) -> bool:
+        return self._scan == "interlaced" or (self._scan == "auto" and frame.interlaced_frame)
+
+    def _new_graph(self) -> av.filter.Graph:
+        graph: av.filter.Graph = self._av.filter.Graph()
+        which = "all" if self._scan == "interlaced" else "interlaced"
+        graph.link_nodes(
+            graph.add_buffer(template=self._stream),
+            graph.add(DEINTERLACER, f"mode=send_frame:deint={which}"),
+            graph.add("buffersink"),
+        ).configure()
+        return graph
+
+    def _pulled(self) -> Iterator[Any]:
+        assert self._graph is not None
+        while True:
+            try:
+                yield self._graph.vpull()
+            except (self._av.BlockingIOError, self._av.EOFError):
+                return

@@ -1,0 +1,27 @@
+"""Two folders of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from endosdk.io.picture_pairs import pair_pictures
+from endosdk.io.pictures import read_frame
+from endosdk.live.frames import Frame
+from endosdk.live.sources.base import DEFAULT_RATE, Clock, Source, SourceOptions, stamp_of
+
+
+class Folders(Source):
+    """The pictures of two folders, paired by the numbers in their names as ``endosdk batch`` pairs them."""
+
+    clock: Clock = "counted"
+
+    def __init__(self, left: Path, right: Path, options: SourceOptions) -> None:
+        super().__init__(f"{left},{right}")
+        self._pairs = pair_pictures(left, right)
+        self._rate = options.rate or DEFAULT_RATE
+        self.count = len(self._pairs)
+
+    def _read(self, start: int) -> Iterator[Frame]:
+        for number, (left, right) in enumerate(self._pairs[start:], start):
+            yield Frame(read_frame(left), read_frame(right), number, stamp_of(number, self._rate))

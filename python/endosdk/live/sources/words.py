@@ -1,0 +1,84 @@
+"""What a source's word means: the table from words to readers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from endosdk.errors import InvalidArgument
+from endosdk.live.sources.base import Source, SourceOptions
+from endosdk.live.sources.newest import Newest
+
+VIDEO_DEVICE = "/dev/video"
+RULE = (
+    "must be a folder with left and right, LEFT,RIGHT, a video, /dev/videoN, - (standard input), "
+    "a recording or a ROS bag"
+)
+
+
+def opened(word: str | Path | tuple[str | Path, str | Path], options: SourceOptions) -> Source:
+    """Return the source that ``word`` names."""
+    source = _opened(_parts(word), options)
+    if options.queue == "newest" or (options.queue == "auto" and source.live):
+        return Newest(source)
+    return source
+
+
+def _parts(word: object) -> list[str]:
+    """Return the one or two names in a word. A file whose name has a comma is one."""
+    words = [str(part) for part in word] if isinstance(word, tuple | list) else [str(word)]
+    if not isinstance(word, str | Path | tuple | list) or not all(words):
+        raise InvalidArgument("source", RULE, repr(word))
+    if len(words) == 1 and not Path(words[0]).exists() and words[0].count(",") == 1:
+        words = words[0].split(",")
+    if len(words) > 2 or not all(words):
+        raise InvalidArgument("source", RULE, repr(word))
+    return words
+
+
+def _opened(words: list[str], options: SourceOptions) -> Source:
+    if options.raw is not None and words != ["-"]:
+        raise InvalidArgument("raw", "describes the pixels of standard input, so the source must be -", words)
+    if len(words) == 2:
+        return _opened_two(words, options)
+    (word,) = words
+    path = Path(word)
+    if word == "-":
+        from endosdk.live.sources.video import standard_input
+
+        return standard_input(options)
+    if word.startswith(VIDEO_DEVICE):
+        from endosdk.live.sources.camera import Camera
+
+        return Camera(word, options)
+    if path.is_dir():
+        return _opened_folder(path, options)
+    if not path.is_file():
+        raise InvalidArgument("source", RULE, repr(word))
+    from endosdk.live.sources.video import VideoFile
+
+    return VideoFile(path, options)
+
+
+def _opened_folder(path: Path, options: SourceOptions) -> Source:
+    if (path / "left").is_dir() and (path / "right").is_dir():
+        from endosdk.live.sources.folders import Folders
+
+        return Folders(path / "left", path / "right", options)
+    raise InvalidArgument("source", f"{RULE}; this folder is none of them", repr(str(path)))
+
+
+def _opened_two(words: list[str], options: SourceOptions) -> Source:
+    left, right = (Path(word) for word in words)
+    if left.is_dir() and right.is_dir():
+        from endosdk.live.sources.folders import Folders
+
+        return Folders(left, right, options)
+    if all(word.startswith(VIDEO_DEVICE) for word in words):
+        from endosdk.live.sources.camera import TwoCameras
+
+        return TwoCameras(words[0], words[1], options)
+    if left.is_file() and right.is_file():
+        from endosdk.live.sources.video import TwoVideos
+
+        return TwoVideos(left, right, options)
+    raise InvalidArgument("source", "two names must be two folders, two files or two video devices", words)

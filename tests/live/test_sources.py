@@ -1,0 +1,320 @@
+"""Every kind of source gives the frames that went into it."""
+
+import io
+import subprocess
+import sys
+import time
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+import endosdk
+from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.io.pictures import write_picture
+from endosdk.live.frames import Frame
+from endosdk.live.sources.base import Source, SourceOptions
+from endosdk.live.sources.camera import Device, lost_between, simultaneous
+from endosdk.live.sources.decoder import Decoded
+from endosdk.live.sources.newest import Newest
+from tests.live.videos import RATE, side_by_side, views, write
+
+PAIRS = views(5)
+
+
+def check(frames: list[Frame], pairs=PAIRS, tolerance=0):
+    """Frames are these pairs, in order, to so many levels."""
+    assert [frame.number for frame in frames] == list(range(len(pairs)))
+    for frame, (left, right) in zip(frames, pairs, strict=True):
+        for got, wanted in ((frame.left, left), (frame.right, right)):
+            assert got.dtype == np.uint8
+            assert got.shape == wanted.shape
+            assert np.abs(got.astype(int) - wanted).mean() <= tolerance
+
+
+def folders(root):
+    for side in (0, 1):
+        (root / ("left", "right")[side]).mkdir(parents=True)
+        for number, pair in enumerate(PAIRS):
+            write_picture(root / ("left", "right")[side] / f"{number:03d}.png", pair[side])
+    return root
+
+
+def test_folders_by_one_word_or_two(tmp_path):
+    root = folders(tmp_path / "pictures")
+    for word in (root, f"{root / 'left'},{root / 'right'}", (root / "left", root / "right")):
+        source = endosdk.open_source(word, rate=10)
+        frames = list(source)
+        check(frames)
+        assert source.count == 5
+        assert source.clock == "counted"
+        assert [frame.stamp_ns for frame in frames] == [n * 100_000_000 for n in range(5)]
+
+
+@pytest.mark.parametrize("layout", ["side-by-side", "top-bottom"])
+def test_a_lossless_video_gives_the_very_pixels(tmp_path, layout):
+    joined = [np.hstack(pair) if layout == "side-by-side" else np.vstack(pair) for pair in PAIRS]
+    source = endosdk.open_source(write(tmp_path / "v.mkv", joined), layout=layout)
+    frames = list(source)
+    check(frames)
+    assert [frame.stamp_ns for frame in frames] == [n * 40_000_000 for n in range(5)]
+    check(list(source))  # a file can be read again
+
+
+def test_half_width_video_is_stretched_again(tmp_path):
+    def half(view):
+        return cv2.resize(view, (32, 48), interpolation=cv2.INTER_AREA)
+
+    joined = [np.hstack([half(left), half(right)]) for left, right in PAIRS]
+    frames = list(endosdk.open_source(write(tmp_path / "v.mkv", joined), layout="side-by-side-half"))
+    check(frames, tolerance=8)  # what the squeeze took is lost; a shift of half a pixel would be 12 levels and more
+
+
+def test_two_files(tmp_path):
+    left = write(tmp_path / "l.mkv", [pair[0] for pair in PAIRS])
+    right = write(tmp_path / "r.mkv", [pair[1] for pair in PAIRS[:4]])
+    source = endosdk.open_source((left, right))
+    check(list(source), PAIRS[:4])
+    assert "ends after 4 frames" in source.faults[0]
+
+
+@pytest.mark.parametrize(
+    ("ending", "codec", "pixels", "tolerance"),
+    [
+        ("nut", "rawvideo", "uyvy422", 4),
+        ("nut", "rawvideo", "nv12", 6),
+        ("mov", "v210", "yuv422p10le", 4),
+        ("mp4", "libx264", "yuv420p", 8),
+    ],
+)
+def test_pixel_formats_of_capture_cards(tmp_path, ending, codec, pixels, tolerance):
+    path = write(tmp_path / f"v.{ending}", side_by_side(PAIRS), codec, pixels)
+    check(list(endosdk.open_source(path)), tolerance=tolerance)
+
+
+def test_gray_video_has_three_equal_channels(tmp_path):
+    path = write(tmp_path / "v.mkv", side_by_side(PAIRS), "ffv1", "gray")
+    frame = next(iter(endosdk.open_source(path)))
+    assert np.ptp(frame.left.astype(int), axis=2).max() == 0
+
+
+def test_interlaced_video_loses_its_combs(tmp_path):
+    # Fields 1/50 s apart, of a picture that moves sideways: rows of one frame come from two places.
+    wide = views(1, 64, 200)[0][0]
+    pictures = []
+    for n in range(8):
+        frame = wide[:, 8 * n : 8 * n + 96].copy()
+        frame[1::2] = wide[1::2, 8 * n + 4 : 8 * n + 100]
+        pictures.append(np.hstack([frame, frame]))
+    path = write(tmp_path / "v.mkv", pictures, "mpeg2video", "yuv420p", interlaced=True, options={"b": "4M"})
+
+    def comb(source):
+        views = [frame.left.mean(axis=2) for frame in source][2:6]
+        return np.mean([np.abs(v[1:-1] - (v[:-2] + v[2:]) / 2).mean() for v in views])
+
+    joined = comb(endosdk.open_source(path))
+    as_it_came = comb(endosdk.open_source(path, scan="progressive"))
+    assert joined < 0.6 * as_it_came
+    assert len(list(endosdk.open_source(path))) == 8
+
+
+READ_STDIN = """
+import sys, endosdk
+options = dict(raw=sys.argv[1]) if len(sys.argv) > 1 else {}
+for frame in endosdk.open_source("-", **options):
+    print(frame.number, frame.stamp_ns, frame.left.shape, int(frame.left.astype(int).sum() // 10000))
+"""
+
+
+@pytest.mark.parametrize("raw", [None, "uyvy422:128x48"])
+def test_standard_input(raw):
+    pipe = io.BytesIO()
+    if raw is None:
+        write(pipe, side_by_side(PAIRS), "wrapped_avframe", "yuv444p", container="yuv4mpegpipe")
+    else:
+        write(pipe, side_by_side(PAIRS), "rawvideo", "uyvy422", container="rawvideo")
+    words = [sys.executable, "-c", READ_STDIN, *([raw] if raw else [])]
+    done = subprocess.run(words, input=pipe.getvalue(), capture_output=True, check=True)
+    lines = done.stdout.decode().splitlines()
+    assert len(lines) == 5
+    for number, (line, pair) in enumerate(zip(lines, PAIRS, strict=True)):
+        assert line.startswith(f"{number} {number * 40_000_000} (48, 64, 3)")
+        assert int(line.split()[-1]) == pytest.approx(
+            pair[0].astype(int).sum() // 10000, rel=0.05
+        )  # swscale rounds 8-bit 4:2:2 down
+
+
+def test_start_in_the_middle(tmp_path):
+    source = endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(PAIRS)))
+    frames = list(source.frames(3))
+    assert [frame.number for frame in frames] == [3, 4]
+    assert np.array_equal(frames[0].left, PAIRS[3][0])
+
+
+def test_tags_travel_with_the_frames(tmp_path):
+    source = endosdk.open_source(folders(tmp_path / "p")).tagged(lambda frame: {"pose": frame.number * 2})
+    assert [frame.tag for frame in source] == [{"pose": 2 * n} for n in range(5)]
+
+
+class Fast(Source):
+    """Frames that wait for nobody."""
+
+    live = True
+
+    def __init__(self, stamps, error=None):
+        super().__init__("fast")
+        self._stamps, self._error = stamps, error
+
+    def _read(self, start):
+        for number, stamp in enumerate(self._stamps):
+            yield Frame(*PAIRS[number % 5], number, stamp)
+            time.sleep(0.002)
+        if self._error:
+            raise self._error
+
+
+def test_newest_only_drops_and_counts():
+    source = Newest(Fast(range(100)))
+    seen = []
+    for frame in source:
+        seen.append(frame.number)
+        time.sleep(0.02)
+    assert seen == sorted(set(seen))
+    assert seen[-1] == 99
+    assert len(seen) < 60
+    assert source.dropped == 100 - len(seen) - seen[0]
+
+
+def test_an_error_behind_the_queue_is_raised_after_the_last_frame():
+    source = Newest(Fast(range(3), SourceFailed("source", "broke", "x")))
+    seen = []
+    with pytest.raises(SourceFailed, match="broke"):
+        for frame in source:
+            seen.append(frame.number)
+    assert seen[-1] == 2
+
+
+def test_a_stamp_that_runs_backwards_is_counted_on_and_told(caplog):
+    source = Fast([0, 40, 30, 80])
+    frames = list(source)
+    assert [frame.stamp_ns for frame in frames] == [0, 40, 41, 80]
+    assert "not after the one before" in frames[2].fault
+    assert frames[3].fault is None
+    assert "frame 2" in source.faults[0]
+    assert "frame 2" in caplog.text
+
+
+def test_odd_width_is_refused(tmp_path):
+    path = write(tmp_path / "v.mkv", [np.hstack([left, right[:, :-1]]) for left, right in PAIRS])
+    with pytest.raises(InvalidArgument, match=r"even width.*127"):
+        next(iter(endosdk.open_source(path)))
+
+
+def test_a_broken_video_gives_what_is_left_and_tells(tmp_path):
+    path = write(tmp_path / "v.mkv", side_by_side(views(20)))
+    content = bytearray(path.read_bytes())
+    (tmp_path / "cut.mkv").write_bytes(content[: len(content) // 2])
+    source = endosdk.open_source(tmp_path / "cut.mkv")
+    frames = []
+    try:
+        frames.extend(source)
+        told = "; ".join(source.faults)
+    except SourceFailed as error:
+        told = str(error)
+    assert told
+    frames = list(_until_error(endosdk.open_source(tmp_path / "cut.mkv")))
+    assert 5 <= len(frames) < 20
+    for frame, pair in list(zip(frames, views(20), strict=False))[:-1]:
+        assert np.array_equal(frame.left, pair[0])
+
+
+def _until_error(source):
+    try:
+        yield from source
+    except SourceFailed:
+        return
+
+
+@pytest.mark.parametrize(
+    ("word", "options", "told"),
+    [
+        ("nowhere.mp4", {}, "must be a folder with left and right"),
+        ("/dev/video99", {}, "video99"),
+        ("", {}, "must be a folder"),
+        (("a", "b", "c"), {}, "must be a folder"),
+        ("a,b", {}, "two folders, two files"),
+        ("-", {"raw": "uyvy422"}, "FORMAT:WxH"),
+        ("-", {"raw": "purple:4x4"}, "FORMAT:WxH"),
+        ("v.mp4", {"raw": "gray:4x4"}, "standard input"),
+        ("v.mp4", {"layout": "diagonal"}, "side-by-side"),
+        ("v.mp4", {"rate": 0.0}, "frames a second"),
+    ],
+)
+def test_wrong_words_are_refused(word, options, told):
+    with pytest.raises((InvalidArgument, SourceFailed), match=told):
+        endosdk.open_source(word, **options)
+
+
+def test_what_is_no_video_is_refused(tmp_path):
+    (tmp_path / "v.mp4").write_text("no video")
+    with pytest.raises(SourceFailed, match=r"FFmpeg can read.*v\.mp4"):
+        endosdk.open_source(tmp_path / "v.mp4")
+
+
+def test_a_camera_that_comes_back_goes_on(tmp_path):
+    # The interface is FFmpeg's reader of files instead of V4L2: the end of the file is the plug that is pulled.
+    path = write(tmp_path / "device.mkv", side_by_side(PAIRS))
+    source = Fast([])
+    device = Device(source, str(path), SourceOptions(), container=None, patience_s=3.0)
+    pictures = device.pictures()
+    first = [next(pictures) for _ in range(5)]
+    write(path, side_by_side(PAIRS))
+    again = next(pictures)
+    assert np.array_equal(again.picture, first[0].picture)
+    assert "was away" in again.fault
+    assert "is gone" in source.faults[0]
+    assert "is back" in source.faults[1]
+    device.close()
+
+
+def test_a_camera_that_stays_away_ends_the_source(tmp_path):
+    path = write(tmp_path / "device.mkv", side_by_side(PAIRS))
+    device = Device(Fast([]), str(path), SourceOptions(), container=None, patience_s=0.4)
+    pictures = device.pictures()
+    for _ in range(5):
+        next(pictures)
+    path.unlink()
+    with pytest.raises(SourceFailed, match="must come back within"):
+        next(pictures)
+
+
+def test_numbers_go_on_over_frames_that_the_driver_lost():
+    assert [lost_between(None, 5, 40), lost_between(0, 41, 40), lost_between(0, 121, 40)] == [0, 0, 2]
+
+
+def test_two_cameras_are_paired_by_time():
+    def at(*stamps):
+        return iter([Decoded(np.zeros((2, 2, 3), np.uint8), stamp, None) for stamp in stamps])
+
+    pairs = [(a.stamp_ns, b.stamp_ns) for a, b in simultaneous(at(0, 40, 80, 120), at(41, 83, 121), 20)]
+    assert pairs == [(40, 41), (80, 83), (120, 121)]
+
+
+def test_results_stand_beside_their_frames(tmp_path):
+    from endosdk.live.answers import answers
+    from tests.conftest import TINY_MODEL
+
+    pairs = views(6, 64, 96)
+    source = endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(pairs)))
+    estimator = endosdk.DepthEstimator(str(TINY_MODEL), threads=2)
+    found = list(answers(estimator, source))
+    assert [frame.number for frame, _ in found] == list(range(6))
+    for frame, result in found:
+        assert np.array_equal(estimator.predict(frame.left, frame.right).disparity, result.disparity)
+
+
+def test_pyav_has_the_parts_that_sources_use():
+    assert "video4linux2,v4l2" in av.formats_available
+    assert "bwdif" in av.filter.filters_available
+    assert RATE == 25
