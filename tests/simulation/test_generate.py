@@ -175,7 +175,7 @@ def test_an_interrupted_run_says_how_to_go_on(renderer: object, tmp_path: Path, 
     [
         (
             ("--recipe", "endosim-gi", "--pairs", "3", "--chroma", "--no-noise"),
-            "so leave out the rest; got --pairs, --chroma, --no-noise",
+            "so leave out the rest; got --chroma, --no-noise",
         ),
         (("--frames", "3"), "frames: are those of a video; add --video"),
     ],

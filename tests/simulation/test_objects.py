@@ -12,13 +12,13 @@ import pytest
 from endosdk.cli import main
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
-from endosdk.simulation.objects import surfaces
-from endosdk.simulation.objects.patterns import PATTERNS, draw_pattern
+from endosdk.simulation import surfaces
 from endosdk.simulation.objects.render import render_objects
 from endosdk.simulation.objects.scene import OBJECTS
-from endosdk.simulation.objects.surfaces import mesh_of
+from endosdk.simulation.patterns import PATTERNS, draw_pattern
 from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.rigs import OBJECTS_FARTHEST_MM, Rig, draw_camera, draw_range
+from endosdk.simulation.rigs import OBJECT_SPANS, Rig, draw_camera, draw_range
+from endosdk.simulation.surfaces import mesh_of
 from tests.simulation.test_sample import at_match
 
 SEEDS = range(5, 13)
@@ -26,7 +26,7 @@ SEEDS = range(5, 13)
 
 def rig_of(seed: int, width: int = 320) -> Rig:
     rng = np.random.default_rng((seed, 19))
-    return draw_range(rng, *draw_camera(rng, width, None), 0.25 * width, OBJECTS_FARTHEST_MM)
+    return draw_range(rng, *draw_camera(rng, width, None), 0.25 * width, OBJECT_SPANS)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_the_same_seed_gives_the_same_bits(renderer: Rasteriser, samples: list[S
 
 @pytest.mark.parametrize("name", PATTERNS)
 def test_every_pattern_repeats_without_a_seam(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("endosdk.simulation.objects.patterns.PATTERNS", {name: 1.0})
+    monkeypatch.setattr("endosdk.simulation.patterns.PATTERNS", {name: 1.0})
     found, picture = draw_pattern(np.random.default_rng(4))
     assert found == name
     assert picture.shape == (256, 256, 3)

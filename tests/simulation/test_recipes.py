@@ -25,12 +25,15 @@ KEPT = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
 SMALL = Path(__file__).parents[1] / "data" / "endosim-gi-2020500003"
 
 
-def test_two_sets_are_published() -> None:
-    assert published_names() == ("endosim-gi", "endosim-gi-cycles")
-    bulk, traced = (published(name).recipe for name in published_names())
+def test_three_sets_are_published() -> None:
+    assert published_names() == ("endosim-gi", "endosim-gi-cycles", "endosim-lap")
+    bulk, traced, surgery = (published(name).recipe for name in published_names())
     assert (bulk.organ, bulk.pairs, bulk.test_pairs, bulk.renderer) == ("gi", 800, 100, "gl")
     assert (traced.organ, traced.test_pairs, traced.renderer) == ("gi", 60, "cycles")
-    assert not {seed for _, seed in bulk.tasks()} & {seed for _, seed in traced.tasks()}
+    assert (surgery.organ, surgery.rig, surgery.test_pairs, surgery.faults) == ("lap", "drawn", 100, True)
+    assert surgery.limits.largest == 0.25 * surgery.camera.width
+    seeds = [{seed for _, seed in recipe.tasks()} for recipe in (bulk, traced, surgery)]
+    assert len(set.union(*seeds)) == sum(len(one) for one in seeds)
     assert {published(name).generator_version for name in published_names()} == {GENERATOR_VERSION}
 
 
@@ -38,7 +41,7 @@ def test_an_unknown_recipe_is_named(tmp_path: Path, capsys: pytest.CaptureFixtur
     with pytest.raises(InvalidArgument, match=r"^recipe: "):
         published("../recipe")
     assert main(["simulate", "--recipe", "endosim-xl", "--out", str(tmp_path / "set")]) == 2
-    assert "recipe: must be one of endosim-gi, endosim-gi-cycles" in capsys.readouterr().err
+    assert "recipe: must be one of endosim-gi, endosim-gi-cycles, endosim-lap" in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "organ": (
         "mix",
-        "intestine, stomach, ducts, abdomen, gi (the first three), mix (all); shapes: no organ, objects of any kind",
+        "intestine, stomach, ducts, abdomen; gi (the first three), mix (all); lap: all, and instruments near the lens; "
+        "shapes: no organ, objects of any kind",
     ),
     "pairs": (100, "training pairs, or videos"),
     "test_pairs": (0, "test pairs, of other seeds"),
@@ -30,7 +31,7 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "baseline": (10.0, "mm between the lenses"),
     "min_disparity": (2.0, "px, aimed at"),
     "max_disparity": (69.5, "px, never exceeded; with --rig drawn, 25 %% of the width unless given"),
-    "faults": (False, "spoil the pictures: noise, blur of one eye, unlike tones, compression and more"),
+    "faults": (False, "spoil the pictures: field of view, rows, blur of one eye, glare, smoke, noise and more"),
     "video": (False, "move along the path: every pair becomes a video of frames"),
     "frames": (100, "of each video, 25 a second"),
     "shutter": (0.0, "video: share of the frame time it is open"),
@@ -58,7 +59,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
-        "--recipe", metavar="NAME", help="a published set, such as endosim-gi; settles all that describes a set"
+        "--recipe",
+        metavar="NAME",
+        help="a published set, such as endosim-lap; settles all but --pairs and --test-pairs",
     )
     described = parser.add_argument_group("what describes a set")
     for name, (usual, text) in _SETTINGS.items():
@@ -119,11 +122,11 @@ def _recipe(args: argparse.Namespace) -> Recipe:
 
     given = [name for name in _SETTINGS if getattr(args, name) is not None]
     if args.recipe is not None:
-        recipe = published(args.recipe).recipe
-        if given:
-            options = ", ".join(_option(name) for name in given)
+        counts = {name: getattr(args, name) for name in given if name in ("pairs", "test_pairs")}
+        if len(given) > len(counts):
+            options = ", ".join(_option(name) for name in given if name not in counts)
             raise InvalidArgument("recipe", "settles what describes a set, so leave out the rest", options)
-        return recipe
+        return replace(published(args.recipe).recipe, **counts)
     video = bool(args.video)
     if not video and "frames" in given:
         raise InvalidArgument("frames", "are those of a video; add --video", args.frames)

@@ -131,4 +131,7 @@ def published(name: str) -> Published:
     if name not in published_names():
         raise InvalidArgument("recipe", f"must be one of {', '.join(published_names())}", name)
     plain = json.loads((PUBLISHED / f"{name}.json").read_text())
-    return Published(name, Recipe(**plain["recipe"]), plain["generator_version"], plain["renderer"], plain["expected"])
+    settings = plain["recipe"]
+    if "limits" in settings:
+        settings["limits"] = Limits(**settings["limits"])
+    return Published(name, Recipe(**settings), plain["generator_version"], plain["renderer"], plain["expected"])

@@ -14,13 +14,14 @@ from endosdk.simulation.cycles.environment import find_python
 from endosdk.simulation.cycles.renderer import CyclesRenderer
 from endosdk.simulation.faults.spoil import draw_faults, spoil
 from endosdk.simulation.objects.render import render_objects
+from endosdk.simulation.organ import render_organ
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.raw import draw_rig, render_raw_sample
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.renderer import Renderer
-from endosdk.simulation.rigs import OBJECTS_FARTHEST_MM, draw_camera, draw_range
+from endosdk.simulation.rigs import OBJECT_SPANS, ORGAN_SPANS, Rig, Spans, draw_camera, draw_range
 from endosdk.simulation.sample import render_sample
-from endosdk.simulation.scene import SHAPES
+from endosdk.simulation.scene import LAP, SHAPES
 from endosdk.simulation.video import render_video, write_video
 
 Task = tuple[str, int]  # split, seed
@@ -72,12 +73,8 @@ def render_task(renderer: Renderer, job: Job, task: Task) -> Iterator[int]:
 
 def _pair(renderer: Renderer, job: Job, task: Task) -> None:
     recipe, (split, seed) = job.recipe, task
-    if recipe.organ == SHAPES:
-        write_sample(job.root, split, _spoilt(recipe, seed, _objects(renderer, recipe, seed)))
-        return
-    if recipe.rig == "ideal":
-        sample = render_sample(renderer, seed, recipe.organ, recipe.camera, recipe.limits, recipe.effects)
-        write_sample(job.root, split, sample)
+    if recipe.rig != "raw":
+        write_sample(job.root, split, _rectified(renderer, recipe, seed))
         return
     # One rig takes the whole set, as in life.
     rig = draw_rig(recipe.seed, recipe.camera)
@@ -90,19 +87,28 @@ def _pair(renderer: Renderer, job: Job, task: Task) -> None:
     write_sample(job.root, split, sample, extras)
 
 
-def _objects(renderer: Renderer, recipe: Recipe, seed: int) -> Sample:
+def _rectified(renderer: Renderer, recipe: Recipe, seed: int) -> Sample:
+    """Render a pair of an ideal or a drawn rig, spoiled where the recipe asks for it."""
+    if recipe.organ == SHAPES:
+        sample = render_objects(renderer, seed, _rig(recipe, seed, OBJECT_SPANS))
+    elif recipe.rig == "drawn" or recipe.organ == LAP:
+        rig = _rig(recipe, seed, ORGAN_SPANS)
+        sample = render_organ(renderer, seed, recipe.organ, rig, recipe.effects, clean=recipe.faults)
+    else:
+        sample = render_sample(renderer, seed, recipe.organ, recipe.camera, recipe.limits, recipe.effects)
+    if not recipe.faults:
+        return sample
+    faults = draw_faults((seed, 22), sample.left.shape[0] / sample.left.shape[1])
+    return sample if faults is None else spoil(sample, faults, (seed, 23))
+
+
+def _rig(recipe: Recipe, seed: int, spans: Spans) -> Rig:
     rng = np.random.default_rng((seed, 19))
     camera = recipe.camera
     centre = ((camera.width - 1) / 2, (camera.height - 1) / 2)
     if recipe.rig == "drawn":
         camera, centre = draw_camera(rng, camera.width, None if recipe.aspect == "drawn" else camera.height)
-    return render_objects(renderer, seed, draw_range(rng, camera, centre, recipe.limits.largest, OBJECTS_FARTHEST_MM))
-
-
-def _spoilt(recipe: Recipe, seed: int, sample: Sample) -> Sample:
-    """Return the sample with its faults where the recipe asks for them."""
-    faults = draw_faults((seed, 22), sample.left.shape[0] / sample.left.shape[1]) if recipe.faults else None
-    return sample if faults is None else spoil(sample, faults, (seed, 23))
+    return draw_range(rng, camera, centre, recipe.limits.largest, spans)
 
 
 def _video(renderer: Renderer, job: Job, task: Task) -> Iterator[int]:

@@ -27,25 +27,33 @@ ASPECTS = ((4, 3), (5, 4), (16, 9))
 NEAREST_MM, FARTHEST_MM = 12.0, 250.0
 OBJECTS_FARTHEST_MM = 2500.0  # of scenes without anatomy, which shall reach down to no disparity at all
 WIDEST_DISPARITY = 0.25  # of the frame width; what a set of drawn rigs reaches unless another limit is given
-# What a scene shows, and how often: the nearest and the farthest of its surfaces, as shares of the nearest and the
-# farthest that the rig can see. Both are drawn on a logarithmic scale, 0 is far and 1 is near.
-SPANS = {
+# What a scene shows, and how often: its farthest and its nearest surface, on a logarithmic scale from the farthest that
+# the rig can see, 0, to the nearest, 1.
+Spans = dict[str, tuple[float, tuple[float, float], tuple[float, float]]]
+OBJECT_SPANS: Spans = {
     "all": (0.5, (0.0, 0.25), (0.85, 1.0)),
     "middle": (0.25, (0.1, 0.4), (0.5, 0.85)),
     "far": (0.1, (0.0, 0.1), (0.3, 0.5)),
     "near": (0.15, (0.5, 0.7), (0.9, 1.0)),
 }
+# Tissue leaves room for instruments in front of it.
+ORGAN_SPANS: Spans = {
+    "middle": (0.45, (0.0, 0.0), (0.35, 0.65)),
+    "near": (0.3, (0.0, 0.0), (0.65, 1.0)),
+    "far": (0.25, (0.0, 0.0), (0.12, 0.35)),
+}
 
 
 @dataclass(frozen=True)
 class Rig:
-    """A rectified rig and how far it looks: disparities in px from ``farthest`` to ``nearest``."""
+    """A rectified rig and how far it looks in one scene: disparities in px."""
 
     camera: StereoCamera
     centre: tuple[float, float]  # principal point of both views, px
-    span: str  # one of `SPANS`
-    nearest: float
+    span: str  # name of what the scene shows
     farthest: float
+    nearest: float  # of organs, or of objects
+    limit: float  # of all, instruments included
 
     def pair(self) -> RectifiedPair:
         """Return the two views."""
@@ -72,19 +80,20 @@ def draw_camera(rng: np.random.Generator, width: int, height: int | None) -> tup
 
 
 def draw_range(
-    rng: np.random.Generator, camera: StereoCamera, centre: tuple[float, float], largest: float, farthest_mm: float
+    rng: np.random.Generator, camera: StereoCamera, centre: tuple[float, float], largest: float, spans: Spans
 ) -> Rig:
-    """Draw how far a camera looks: disparities up to ``largest`` px, depths of 12..``farthest_mm`` mm."""
-    names = list(SPANS)
-    span = names[int(rng.choice(len(names), p=[SPANS[name][0] for name in names]))]
-    far, near = (float(rng.uniform(*bounds)) for bounds in SPANS[span][1:])
+    """Draw how far a camera looks: disparities up to ``largest`` px, in depths of 12..250 mm, of objects 2.5 m."""
+    names = list(spans)
+    span = names[int(rng.choice(len(names), p=[spans[name][0] for name in names]))]
+    far, near = (float(rng.uniform(*bounds)) for bounds in spans[span][1:])
     product = camera.focal_px * camera.baseline_mm
     top = min(product / NEAREST_MM, largest)
-    bottom = min(product / farthest_mm, 0.25 * top)
+    bottom = min(product / (OBJECTS_FARTHEST_MM if spans is OBJECT_SPANS else FARTHEST_MM), 0.25 * top)
     return Rig(
         camera,
         centre,
         span,
-        nearest=top * (bottom / top) ** (1.0 - near),
         farthest=top * (bottom / top) ** (1.0 - far),
+        nearest=top * (bottom / top) ** (1.0 - near),
+        limit=top,
     )

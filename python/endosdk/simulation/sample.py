@@ -21,7 +21,7 @@ from endosdk.simulation.renderer import Renderer
 from endosdk.simulation.scene import Scene, candidate_poses, draw_scene
 from endosdk.simulation.sensor import expose
 from endosdk.simulation.shadow import near_shadow
-from endosdk.simulation.texture import paint_tissue
+from endosdk.simulation.texture import TissueTexture, paint_tissue
 
 GENERATOR_VERSION = "3"
 POSE_TRIALS = 8
@@ -120,17 +120,23 @@ def load_scene(renderer: Renderer, scene: Scene, camera: StereoCamera, painted: 
     Surfaces that are not ``painted`` have depth alone, which takes a fraction of the time.
     """
     renderer.clear()
-    meshes = [build_mesh(part.shape, (part.seed, 0)) for part in scene.parts]
-    for part, mesh in zip(scene.parts, join_lumens([part.shape for part in scene.parts], meshes), strict=True):
+    for part, mesh in build_parts(scene.parts):
         if painted:
-            _add(renderer, part, mesh, camera)
+            renderer.add(mesh, part.tissue, paint_part(part, mesh, camera.width))
         else:
             renderer.add(mesh)
 
 
-def _add(renderer: Renderer, part: Part, mesh: Mesh, camera: StereoCamera) -> None:
-    pixels = max(64, round(part.texture_px * min(camera.width / TEXTURED_FOR_PX, 2.0)))
-    renderer.add(mesh, part.tissue, paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, pixels))
+def build_parts(parts: tuple[Part, ...]) -> list[tuple[Part, Mesh]]:
+    """Build the surfaces of an organ, their lumens joined."""
+    meshes = [build_mesh(part.shape, (part.seed, 0)) for part in parts]
+    return list(zip(parts, join_lumens([part.shape for part in parts], meshes), strict=True))
+
+
+def paint_part(part: Part, mesh: Mesh, width: int) -> TissueTexture:
+    """Paint a surface as finely as a camera of this width sees it."""
+    pixels = max(64, round(part.texture_px * min(width / TEXTURED_FOR_PX, 2.0)))
+    return paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, pixels)
 
 
 def place_camera(renderer: Renderer, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
@@ -144,7 +150,8 @@ def place_camera(renderer: Renderer, scene: Scene, camera: StereoCamera, limits:
     scale = _fit_scale(renderer, pose, camera, wanted)
     if scene.instrument is not None:
         for part in instrument_parts(scene.instrument, renderer.depth(preview, pose, 1.0), preview, pose):
-            _add(renderer, part, build_mesh(part.shape, (part.seed, 0)), camera)
+            mesh = build_mesh(part.shape, (part.seed, 0))
+            renderer.add(mesh, part.tissue, paint_part(part, mesh, camera.width))
         with_tool = _fit_scale(renderer, pose, camera, wanted)
         if with_tool > TOOL_AT_LENS * scale:
             scene = replace(scene, instrument=None)

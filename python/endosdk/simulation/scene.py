@@ -20,7 +20,9 @@ ORGANS = ("intestine", "stomach", "ducts", "abdomen")
 MIXTURES = {
     "gi": {"intestine": 0.45, "stomach": 0.35, "ducts": 0.2},
     "mix": {"intestine": 0.28, "stomach": 0.17, "ducts": 0.1, "abdomen": 0.45},
+    "lap": {"abdomen": 0.7, "stomach": 0.12, "intestine": 0.12, "ducts": 0.06},
 }
+LAP = "lap"  # of the mixtures, that with instruments near the lens, see tools
 SHAPES = "shapes"  # scenes without any organ, see objects
 INSTRUMENT_SHARE = 0.25
 # Nearest surface of a scene, as a share of the largest disparity allowed: mostly close, as in life.

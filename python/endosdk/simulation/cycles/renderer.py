@@ -19,7 +19,7 @@ from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.scene import Lamp
 from endosdk.simulation.shapes import Vector
 from endosdk.simulation.texture import TissueTexture
-from endosdk.simulation.tissue import Tissue
+from endosdk.simulation.tissue import TISSUES, Tissue
 
 SAMPLES = 4  # 8 take twice the time and change the denoised picture less than the sensor's own noise does
 LOOK = 2  # version of the materials and the lamp in worker.py; another is another picture
@@ -179,7 +179,7 @@ class CyclesRenderer:
             "roughness": tissue.roughness,
             "gloss": tissue.gloss,
             "metallic": tissue.metallic,
-            "subsurface": 0.0 if tissue.kind in ("shaft", "steel") else SUBSURFACE,
+            "subsurface": SUBSURFACE if tissue.kind in TISSUES else 0.0,
         }
 
     def _ask(self, request: dict[str, Any]) -> None:

@@ -28,7 +28,9 @@ def recolour(view: Array, look: str, seed: tuple[int, ...]) -> Array:
         hue = (view[..., 0] - view[..., 1]) / np.maximum(grey, 20.0)
         dye = np.clip((hue - rng.uniform(0.0, 0.7)) * 6.0, 0.0, 1.0)
         base = rng.uniform(0.35, 0.9) * grey
-        return np.asarray(np.stack([base * (1 - 0.6 * dye), base + 120 * dye, base * (1 - 0.4 * dye)], -1), np.float32)
+        return np.asarray(
+            np.stack([base * (1 - 0.6 * dye), base + dye * (0.5 * grey + 30), base * (1 - 0.4 * dye)], -1), np.float32
+        )
     if look == "grey":
         return np.repeat(grey[..., None], 3, axis=-1).astype(np.float32)
     if look == "tinted":

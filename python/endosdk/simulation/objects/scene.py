@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from endosdk.simulation import surfaces
 from endosdk.simulation.curve import Floats
 from endosdk.simulation.geometry import Mesh
-from endosdk.simulation.objects import surfaces
-from endosdk.simulation.objects.patterns import Picture, draw_pattern
-from endosdk.simulation.objects.surfaces import Patches, mesh_of
+from endosdk.simulation.patterns import Picture, draw_pattern
 from endosdk.simulation.rigs import Rig
 from endosdk.simulation.scene import Lamp
+from endosdk.simulation.surfaces import Patches, mesh_of
 from endosdk.simulation.texture import TissueTexture
 from endosdk.simulation.tissue import Tissue, draw_metal
 
