@@ -11,6 +11,7 @@ from typing import Any
 
 from benchmarks.record import machine_record
 from endosdk.datasets.dataset import DatasetReader
+from endosdk.io.whole_files import write_json
 
 
 def models_parser(description: str | None, pairs_help: str) -> argparse.ArgumentParser:
@@ -30,12 +31,11 @@ def record_models(
     """Measure every model asked for, write the record, and print it; ``more`` are options of this benchmark alone."""
     # A model that is not run keeps what the file says of it.
     models = json.loads(args.json.read_text())["models"] if args.json.is_file() else {}
-    program = f"python -m benchmarks.{Path(sys.argv[0]).stem}"
+    program = f"python -m {sys.modules['__main__'].__spec__.name}"
     data = f"--data {reader.name} --split {args.split} --pairs {args.pairs}{more}"
     for model in args.models:
         models[model] = {**measure(model), "command": f"{program} {data} --models {model}", "machine": machine_record()}
     dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
     record = {"dataset": dataset, "models": models}
-    args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(record, indent=1) + "\n")
+    write_json(args.json, record)
     print(json.dumps(record["models"], indent=1))

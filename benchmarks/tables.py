@@ -77,7 +77,7 @@ PAIRS = {
 }
 
 
-def accuracy_table(record: str = "accuracy") -> str:
+def accuracy_table(record: str = "accuracy/accuracy") -> str:
     """Errors of our models and StereoSGBM on the test pairs."""
     scores = _record(record)["methods"]
     heads = ["method", "EPE, px", "over 1 px", "over 3 px", "answered"]
@@ -97,7 +97,7 @@ def speed_table(runs: dict[str, str]) -> str:
     """Frame rates of our models, each with StereoSGBM in the same run; record and label of every run."""
     rows = []
     for name, label in runs.items():
-        run = _record(f"bench_{name}")
+        run = _record(f"speed/{name}")
         delay, rival = run["latency_ms"], run["against"]["sgbm"]["fps"]
         rates = [f"{run['fps']:.1f}", f"{run['stream_fps']:.1f}"]
         rows.append([label, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{rival:.1f}"])
@@ -105,20 +105,20 @@ def speed_table(runs: dict[str, str]) -> str:
     return _table(heads, rows)
 
 
-def agreement_table() -> str:
+def photometric_consistency_table() -> str:
     """Share of pixels that `fast` answers, without and with the rule that both views must agree."""
-    found = _record("agreement")["models"]["fast"]
+    found = _record("accuracy/photometric_consistency")["models"]["fast"]
     rows = []
     for place, label in PAIRS.items():
         group, _, name = place.partition("/")
         shares = found[group][name] if name else found[group]
-        rows.append([label, *(_percent(shares[f"answered_{rule}"]) for rule in ("without", "with"))])
+        rows.append([label, *(_percent(shares[f"valid_{rule}"]) for rule in ("without", "with"))])
     return _table(["pair", "without this rule", "with it"], rows)
 
 
 def range_end_table() -> str:
     """What each margin before the last plane finds and loses, by model."""
-    models = {name: _record("range_end")["models"][name]["margins"] for name in ("fast", "wang2020")}
+    models = {name: _record("accuracy/range_end")["models"][name]["margins"] for name in ("fast", "wang2020")}
     what = ("marked_of_surfaces_beyond", "beyond_the_max_candidate_disparity_of_marked", "marked_of_right_answers")
     heads = ["margin, px"]
     for name in models:
@@ -141,13 +141,13 @@ def versions_table(versions: dict[str, Any]) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
-    "accuracy-cycles": partial(accuracy_table, "accuracy_cycles"),
-    "accuracy-near": partial(accuracy_table, "accuracy_near"),
+    "accuracy-cycles": partial(accuracy_table, "accuracy/accuracy_cycles"),
+    "accuracy-near": partial(accuracy_table, "accuracy/accuracy_near"),
     "speed": partial(speed_table, SPEEDS),
     "speed-avx2": partial(speed_table, AVX2_SPEEDS),
-    "agreement": agreement_table,
+    "photometric-consistency": photometric_consistency_table,
     "range-end": range_end_table,
-    "versions": lambda: versions_table(_record("wang2020_versions")["versions"]),
+    "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
 }
 
 

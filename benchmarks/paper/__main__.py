@@ -113,7 +113,7 @@ def _train(args: argparse.Namespace) -> None:
 def _search(args: argparse.Namespace) -> None:
     from benchmarks.methods.classical import search_sgbm
     from endosdk.datasets.layouts import open_dataset
-    from endosdk.jobs.bench import write_record
+    from endosdk.io.whole_files import write_json
     from endosdk.jobs.machine import machine_record
 
     reader = open_dataset(args.data, "train", layout=args.layout)
@@ -121,8 +121,9 @@ def _search(args: argparse.Namespace) -> None:
     found = search_sgbm([reader[i * len(reader) // count] for i in range(count)])
     command = f"python -m benchmarks.paper search --data DIR --pairs {count}"
     data = {"name": reader.name, "sha256": reader.sha256, "split": "train"}
-    write_record(
-        args.results / "sgbm_search.json", {"command": command, "data": data, **found, "machine": machine_record()}
+    write_json(
+        args.results / "paper/sgbm_search.json",
+        {"command": command, "data": data, **found, "machine": machine_record()},
     )
 
 
@@ -136,7 +137,7 @@ def _evaluate(args: argparse.Namespace) -> None:
     scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
     first = scores.on_first(BUDGETS[budget].ablation_pairs)
     size = reader[0].left.shape[1::-1]
-    table, ablations = args.results / f"{args.table}.json", args.results / "ablations.json"
+    table, ablations = args.results / f"paper/{args.table}.json", args.results / "paper/ablations.json"
     states = [state_of(run, args.runs, budget, _overrides(args)) for run in _chosen(args)]
     done = {state.name: state for state in states if state is not None}
     # The ablations are scored on the set of table1 alone.
@@ -160,7 +161,7 @@ def _evaluate(args: argparse.Namespace) -> None:
 
 
 def _best_sgbm(results: Path) -> dict[str, Any] | None:
-    file = results / "sgbm_search.json"
+    file = results / "paper/sgbm_search.json"
     return dict(json.loads(file.read_text())["best"]) if file.exists() else None
 
 
@@ -169,7 +170,7 @@ def _time(args: argparse.Namespace) -> None:
     from endosdk.datasets.layouts import open_dataset
 
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
-    tables.retime_table(args.results / f"{args.table}.json", reader, args.runs, args.only)
+    tables.retime_table(args.results / f"paper/{args.table}.json", reader, args.runs, args.only)
 
 
 def _figures(args: argparse.Namespace) -> None:

@@ -31,7 +31,7 @@ def draw_all(args: argparse.Namespace) -> list[Path]:
     args.docs.mkdir(parents=True, exist_ok=True)
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     written = [draw_histogram(reader, args.docs / "histogram.png", args.pairs)]
-    ablations = args.results / "ablations.json"
+    ablations = args.results / "paper/ablations.json"
     groups = json.loads(ablations.read_text())["groups"] if ablations.exists() else {}
     for group in CURVES:
         known = {label: row for label, row in groups.get(group, {}).items() if row}
@@ -98,7 +98,7 @@ def draw_methods(args: argparse.Namespace, reader: DatasetReader, sample: Sample
     """
     from benchmarks.paper.tables import method_of, patchmatch_folder
 
-    tables = [json.loads(file.read_text()) for file in sorted(args.results.glob("table1*.json"))]
+    tables = [json.loads(file.read_text()) for file in sorted(args.results.glob("paper/table1*.json"))]
     rows = {name: row for table in tables if table["sha256"] == reader.sha256 for name, row in table["methods"].items()}
     methods = {name: method_of(name, rows[name], args.runs) for name in LABELS if name in rows}
     if "patchmatch" in methods:

@@ -29,15 +29,15 @@ from benchmarks.tables import versions_table
 
 def write_report(results: Path, docs: Path) -> list[Path]:
     """Write ``report.md`` and ``report.html`` (with its pictures inside) from the tables and figures there are."""
-    table, ablations = _read(results / "table1.json"), _read(results / "ablations.json")
-    others = [_read(file) for file in sorted(results.glob("table1_*.json"))]
-    note = search_note(table, _read(results / "sgbm_search.json"), _read(results / "accuracy.json"))
+    table, ablations = _read(results / "paper/table1.json"), _read(results / "paper/ablations.json")
+    others = [_read(file) for file in sorted(results.glob("paper/table1_*.json"))]
+    note = search_note(table, _read(results / "paper/sgbm_search.json"), _read(results / "accuracy/accuracy.json"))
     lines = [*_head(table), *_table("Table 1", table), *_paragraph(note)]
     for other in others:
         lines += _table(f"Table 1 on {_data_of(other, table)}", other)
     lines += _methods([table, *others], ablations, docs)
     lines += [
-        *_past_the_paper(_read(results / "wang2020_versions.json")),
+        *_past_the_paper(_read(results / "studies/wang2020_versions.json")),
         *_ablations(ablations, table, docs),
         *_histogram(docs),
     ]

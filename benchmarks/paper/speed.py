@@ -14,7 +14,7 @@ import torch
 import benchmarks.methods.networks  # noqa: F401  makes the rivals known
 from benchmarks.paper.experiments import Experiment
 from benchmarks.paper.runs import config_gmacs
-from endosdk.jobs.bench import write_record
+from endosdk.io.whole_files import write_json
 from endosdk.jobs.machine import cpu_name
 from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
@@ -45,7 +45,7 @@ def speeds(
             print(f"timing a training step of {network}", file=sys.stderr)
             speed = config_gmacs(settings) / seconds_per_step(settings, device)
             kept[key] = {"gmacs_per_s": round(speed, 2), "load": round(os.getloadavg()[0], 1)}
-            write_record(file, kept)
+            write_json(file, kept)
         if network not in found and kept[key]["load"] > threads + 1 and not device.startswith("cuda"):
             load = f"load {kept[key]['load']} on {threads} threads"
             print(f"{network} was timed beside other work ({load}): hours are too long", file=sys.stderr)

@@ -27,7 +27,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import Answer, Method, estimator_method, evaluate
 from endosdk.evaluation.scores import ScoreBoard
 from endosdk.evaluation.sgbm import fill_holes
-from endosdk.jobs.bench import write_record
+from endosdk.io.whole_files import write_json
 from endosdk.jobs.machine import machine_record
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.models import shipped_models
@@ -82,7 +82,7 @@ class Scores:
             kept = {"key": mark, "row": make()}
             # Read again: scoring takes long, and other methods may have been scored beside it.
             self.rows = {**self._read(), place: kept}
-            write_record(self.file, self.rows)
+            write_json(self.file, self.rows)
         return dict(kept["row"])
 
     def score(self, method: Method) -> dict[str, Any]:
@@ -208,7 +208,7 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
         "machine": machine,
     }
     kept = {key: before[key] for key in ("load_while_timed",) if key in before}
-    write_record(file, {**record, **kept})
+    write_json(file, {**record, **kept})
 
 
 def timing_of(machine: dict[str, Any]) -> dict[str, Any]:
@@ -227,7 +227,7 @@ def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]])
         kept = before.get(run.group, {}).get(run.label)
         groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
     record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": scores.pairs, "groups": groups}
-    write_record(file, {"command": _command(scores), **record, "machine": machine_record()})
+    write_json(file, {"command": _command(scores), **record, "machine": machine_record()})
 
 
 def _command(scores: Scores) -> str:
@@ -267,7 +267,7 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
     # Work of others beside the timing shows here: above the number of threads the times are too long.
     table["load_while_timed"] = os.getloadavg()[0]
     table["machine"] = machine
-    write_record(file, table)
+    write_json(file, table)
 
 
 def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:

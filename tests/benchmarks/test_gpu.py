@@ -7,7 +7,7 @@ import onnx
 import pytest
 
 from benchmarks import gpu
-from benchmarks.graph_cost import graph_cost
+from benchmarks.speed.graph_cost import graph_cost
 from endosdk.runtime.models import read_model
 
 SIZE = (96, 64)

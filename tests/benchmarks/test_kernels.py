@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.kernels import map_tasks, measure, rectify_tasks
+from benchmarks.speed.kernels import map_tasks, measure, rectify_tasks
 
 
 @pytest.mark.parametrize("kernel", ["rectify", "resize_depth"])

@@ -1,6 +1,6 @@
 """The benchmark of the sub-pixel correction compares the same weights, and leaves the damping as it was."""
 
-from benchmarks.likely_step import measure
+from benchmarks.studies.likely_step import measure
 from endosdk.datasets.layouts import open_dataset
 from endosdk.training.networks import photometric
 from tests.training.warped_set import write_warped_set

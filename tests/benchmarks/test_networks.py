@@ -12,7 +12,7 @@ from benchmarks.methods.anynet import _residual_volume
 from benchmarks.methods.costs import count_macs, network_costs, step_gmacs
 from benchmarks.methods.planes import PlaneConv, PlaneConvTranspose
 from benchmarks.methods.propagation import Propagation
-from endosdk.datasets.dataset import SPLITS, Sample, write_record, write_sample
+from endosdk.datasets.dataset import SPLITS, Sample, write_dataset_record, write_sample
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -179,7 +179,7 @@ def tiny_set(tmp_path_factory):
             left, right, truth = warped_pair(seed, (64, 128), (3.0, 20.0))
             sample = Sample(f"{seed:03d}", left, right, truth, None, None, focal_px=100.0, baseline_mm=5.0)
             hashes[split][sample.id] = write_sample(root, split, sample)
-    write_record(root, {"format_version": 1, "name": "tiny", "samples": hashes})
+    write_dataset_record(root, {"format_version": 1, "name": "tiny", "samples": hashes})
     return root
 
 

@@ -58,7 +58,7 @@ def done(tiny_set, tmp_path_factory):
 
 
 def test_table_has_the_promised_form_and_names_what_is_missing(done, tiny_set):
-    table = json.loads((done / "results/table1.json").read_text())
+    table = json.loads((done / "results/paper/table1.json").read_text())
     assert table["dataset"] == "tiny" and table["pairs"] == 2
     pixels = sum(int(np.isfinite(sample.disparity).sum()) for sample in open_dataset(tiny_set, "test"))
     assert all(row["pixels"] == pixels and row["pixels_noc"] is None for row in table["methods"].values())
@@ -78,7 +78,7 @@ def test_table_has_the_promised_form_and_names_what_is_missing(done, tiny_set):
 
 def test_rows_of_fewer_pairs_do_not_join_a_table(done, tiny_set):
     given = [f"--data={tiny_set}", f"--runs={done / 'runs'}", f"--results={done / 'results'}"]
-    files = {name: (done / "results" / name).read_text() for name in ("table1.json", "ablations.json")}
+    files = {name: (done / "results" / name).read_text() for name in ("paper/table1.json", "paper/ablations.json")}
     for name, file in (("bm", "table1.json"), ("base", "ablations.json")):
         with pytest.raises(InvalidArgument, match=f"must be 2, as in {file}; got 1"):
             main(["evaluate", *given, "--budget=gpu", "--only", name, "--pairs=1"])
@@ -99,20 +99,20 @@ def test_rows_that_stay_keep_the_machine_on_which_they_were_timed(tmp_path, tiny
 
 
 def test_ablations_stand_in_their_own_table(done):
-    record = json.loads((done / "results/ablations.json").read_text())
+    record = json.loads((done / "results/paper/ablations.json").read_text())
     assert record["pairs"] == 2 and set(record["groups"]) == set(GROUPS) - {"table1"}
     assert record["groups"]["loss"]["L2"]["pairs"] == 2 and record["groups"]["loss"]["lambda 0"] is None
 
 
 def test_search_keeps_what_it_tried_best_first_and_on_which_pairs(done, tiny_set):
-    record = json.loads((done / "results/sgbm_search.json").read_text())
+    record = json.loads((done / "results/paper/sgbm_search.json").read_text())
     errors = [entry["epe"] for entry in record["tried"]]
     assert len(errors) > 20 and errors == sorted(errors)
     assert record["best"] == record["tried"][0]["settings"]
     data = open_dataset(tiny_set, "train")
     assert record["data"] == {"name": "tiny", "sha256": data.sha256, "split": "train"}
     assert record["pairs"] == [data[0].id]
-    assert json.loads((done / "results/table1.json").read_text())["methods"]["sgbm"]["settings"] == record["best"]
+    assert json.loads((done / "results/paper/table1.json").read_text())["methods"]["sgbm"]["settings"] == record["best"]
 
 
 def test_report_marks_short_runs_and_says_what_is_missing(done):
@@ -134,7 +134,7 @@ def test_report_marks_short_runs_and_says_what_is_missing(done):
 
 def test_picture_of_methods_shows_the_answers_of_the_table(done, tiny_set, monkeypatch):
     sample, drawn = open_dataset(tiny_set, "test")[0], []
-    settings = json.loads((done / "results/table1.json").read_text())["methods"]["sgbm"]["settings"]
+    settings = json.loads((done / "results/paper/table1.json").read_text())["methods"]["sgbm"]["settings"]
     monkeypatch.setattr(figures, "_save", lambda figure, file: drawn.append(figure) or file)
     places = [f"--{name}={done / name}" for name in ("runs", "results", "docs")]
     assert main(["figures", f"--data={tiny_set}", *places]) == 0
@@ -162,7 +162,7 @@ def test_finished_runs_and_scores_are_not_done_again(done, tiny_set, capsys):
     assert (done / "runs/gpu/wang2020/last.safetensors").stat().st_mtime_ns == before
     assert main(["evaluate", *given, *short, "--only", "wang2020"]) == 0
     assert "scoring" not in capsys.readouterr().err
-    table = json.loads((done / "results/table1.json").read_text())
+    table = json.loads((done / "results/paper/table1.json").read_text())
     assert "sgbm" in table["methods"]  # rows that were not asked for stay
 
 

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from benchmarks.paper import figures
 from benchmarks.paper.experiments import GROUPS
 
-RECORD = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "ablations.json"
+RECORD = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "paper" / "ablations.json"
 
 
 @pytest.fixture

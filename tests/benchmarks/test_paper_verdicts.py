@@ -175,7 +175,7 @@ def test_columns_that_the_shipped_network_wins_and_loses():
 
 
 def test_report_judges_what_the_records_hold(tmp_path):
-    table = json.loads((RESULTS / "table1.json").read_text())
+    table = json.loads((RESULTS / "paper" / "table1.json").read_text())
     write_report(RESULTS, tmp_path)
     text = (tmp_path / "report.md").read_text()
     assert "the claim" not in text
@@ -185,7 +185,7 @@ def test_report_judges_what_the_records_hold(tmp_path):
 
 
 def test_a_rival_that_only_a_smaller_table_has_is_judged_there(tmp_path):
-    table = json.loads((RESULTS / "table1.json").read_text())
+    table = json.loads((RESULTS / "paper" / "table1.json").read_text())
     (tmp_path / "table1_few.json").write_text(json.dumps({**table, "pairs": 16}))
     del table["methods"]["anynet"]
     (tmp_path / "table1.json").write_text(json.dumps(table))
@@ -195,7 +195,7 @@ def test_a_rival_that_only_a_smaller_table_has_is_judged_there(tmp_path):
 
 
 def test_pairs_that_were_rendered_anew_stand_apart(tmp_path):
-    table = json.loads((RESULTS / "table1.json").read_text())
+    table = json.loads((RESULTS / "paper" / "table1.json").read_text())
     shipped = {"shipped-fast": {**table["methods"]["shipped-fast"], "version": "11"}}
     again = {**table, "sha256": "other", "methods": shipped}
     for name, content in (("table1", table), ("table1_again", again)):
@@ -207,7 +207,7 @@ def test_pairs_that_were_rendered_anew_stand_apart(tmp_path):
 
 
 def test_rows_timed_on_another_machine_say_so(tmp_path):
-    table = json.loads((RESULTS / "table1.json").read_text())
+    table = json.loads((RESULTS / "paper" / "table1.json").read_text())
     for name, values in table["methods"].items():
         values["timed_on"] = {"cpu": "Old", "instructions": None if name != "bm" else ["avx2", "amx_int8"]}
     (tmp_path / "table1.json").write_text(json.dumps(table))

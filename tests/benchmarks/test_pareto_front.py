@@ -8,12 +8,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from benchmarks.front import LEADER_GAP, label_points
+from benchmarks.accuracy.pareto_front import LEADER_GAP, label_points
 from benchmarks.methods.classical import classical_method
 from endosdk.datasets.dataset import Sample
 from tests.training.warped_scenes import warped_pair
 
-RECORD = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "front.json"
+RECORD = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "accuracy" / "pareto_front.json"
 
 
 def labelled(points):

@@ -1,6 +1,6 @@
 """The benchmark of the rule that views must agree runs, and tells right pairs from wrong ones."""
 
-from benchmarks.agreement import Answerer, degraded_pairs, wrong_pairs
+from benchmarks.accuracy.photometric_consistency import Answerer, degraded_pairs, wrong_pairs
 from tests.conftest import TINY_MODEL, shifted_pair
 from tests.rigs import raw_rig
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.upsampling import measure
+from benchmarks.studies.upsampling import measure
 from endosdk.datasets.layouts import open_dataset
 from tests.training.exported_networks import export_into
 from tests.training.warped_set import write_warped_set

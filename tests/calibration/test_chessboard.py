@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.chessboard import SIZE, measure, read_corners
+from benchmarks.accuracy.chessboard import SIZE, measure, read_corners
 from endosdk.calibration.board import row_correlation
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.cli import main

@@ -19,7 +19,7 @@ from endosdk.datasets.dataset import (
     read_disparity,
     read_sample,
     verify_dataset,
-    write_record,
+    write_dataset_record,
     write_sample,
 )
 from endosdk.datasets.layouts import open_dataset
@@ -51,7 +51,7 @@ def root(tmp_path: Path) -> Path:
         split: {i: write_sample(tmp_path, split, make_sample(i)) for i in ids}
         for split, ids in (("train", ("000000001", "000000002")), ("test", ("000000003",)))
     }
-    write_record(tmp_path, {"format_version": 1, "name": "small", "samples": hashes})
+    write_dataset_record(tmp_path, {"format_version": 1, "name": "small", "samples": hashes})
     return tmp_path
 
 
@@ -96,7 +96,7 @@ def test_the_hash_of_a_set_follows_its_content(root: Path) -> None:
     before = open_dataset(root, "train").sha256
     record = json.loads((root / "dataset.json").read_text())
     record["samples"]["test"]["000000003"] = "0" * 64
-    write_record(root, record)
+    write_dataset_record(root, record)
     assert open_dataset(root, "train").sha256 != before
 
 
@@ -185,7 +185,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(StorageFailed, match=r"^out: "):
         write_sample(tmp_path / "file", "train", make_sample())
     with pytest.raises(StorageFailed, match=r"^out: "):
-        write_record(tmp_path / "file", {})
+        write_dataset_record(tmp_path / "file", {})
 
 
 def test_a_disk_that_fills_up_leaves_nothing_half_written(tmp_path: Path) -> None:

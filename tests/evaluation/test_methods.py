@@ -6,7 +6,7 @@ import pytest
 
 from endosdk import errors
 from endosdk.cli import main
-from endosdk.datasets.dataset import Sample, write_record, write_sample
+from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method
 from endosdk.io.pictures import read_frame
@@ -29,7 +29,7 @@ def planes(tmp_path_factory):
         sample = Sample(f"{shift:03d}", left, right, truth, None, occlusion, focal_px=200.0, baseline_mm=5.0)
         hashes[sample.id] = write_sample(root, "test", sample)
     record = {"format_version": 1, "name": "planes", "samples": {"train": {}, "test": hashes}}
-    write_record(root, record)
+    write_dataset_record(root, record)
     return root
 
 
@@ -77,7 +77,7 @@ def flat_set(root, disparity, occluded):
     truth, occlusion = np.full((96, 256), disparity, np.float32), np.full((96, 256), occluded)
     sample = Sample("000", left, right, truth, None, occlusion, focal_px=200.0, baseline_mm=5.0)
     samples = {"train": {}, "test": {"000": write_sample(root, "test", sample)}}
-    write_record(root, {"format_version": 1, "name": "flat", "samples": samples})
+    write_dataset_record(root, {"format_version": 1, "name": "flat", "samples": samples})
 
 
 def test_a_set_without_truth_is_named(tmp_path, capsys):

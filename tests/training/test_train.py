@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.datasets.dataset import Sample, write_record, write_sample
+from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, ProviderUnavailable
 from endosdk.training import checkpoint
@@ -247,7 +247,7 @@ def one_frame_set(root, size, disparity=20.0):
         name: write_sample(root, "train", Sample(name, picture, picture, truth, None, None, 200.0, 5.0))
         for name in ("0", "1")
     }
-    write_record(root, {"format_version": 1, "name": "flat", "samples": {"train": hashes, "test": {}}})
+    write_dataset_record(root, {"format_version": 1, "name": "flat", "samples": {"train": hashes, "test": {}}})
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a card here")

@@ -6,7 +6,7 @@ import onnxruntime as ort
 import pytest
 
 from endosdk.cli import main
-from endosdk.datasets.dataset import DatasetReader, Sample, write_record, write_sample
+from endosdk.datasets.dataset import DatasetReader, Sample, write_dataset_record, write_sample
 from endosdk.runtime.models import shipped_weights
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -100,7 +100,9 @@ def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_pat
 def test_a_set_without_test_pairs_is_named_at_once(tmp_path, capsys):
     picture, truth = np.zeros((64, 128, 3), np.uint8), np.full((64, 128), 9.0, np.float32)
     sample = write_sample(tmp_path, "train", Sample("0", picture, picture, truth, None, None, 200.0, 5.0))
-    write_record(tmp_path, {"format_version": 1, "name": "bare", "samples": {"train": {"0": sample}, "test": {}}})
+    write_dataset_record(
+        tmp_path, {"format_version": 1, "name": "bare", "samples": {"train": {"0": sample}, "test": {}}}
+    )
     weights = str(shipped_weights()["fast"])
     assert main(["export", weights, "--out", str(tmp_path / "m.onnx"), "--data", str(tmp_path)]) == 2
     assert "data: must have pairs in its split test; got none in bare" in capsys.readouterr().err

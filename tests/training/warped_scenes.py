@@ -71,7 +71,7 @@ def _texture(rng, height, width):
 
 def write_set(root, pairs, size, disparity):
     """Write a data set of such pairs, one in ten for testing."""
-    from endosdk.datasets.dataset import SPLITS, Sample, write_record, write_sample
+    from endosdk.datasets.dataset import SPLITS, Sample, write_dataset_record, write_sample
 
     hashes = {split: {} for split in SPLITS}
     for seed in range(pairs):
@@ -79,7 +79,7 @@ def write_set(root, pairs, size, disparity):
         left, right, truth = warped_pair(seed, size, disparity, layers=1 + seed % 4)
         sample = Sample(f"{seed:05d}", left, right, truth, None, None, focal_px=400.0, baseline_mm=10.0)
         hashes[split][sample.id] = write_sample(root, split, sample)
-    write_record(root, {"format_version": 1, "name": "warped-textures", "samples": hashes})
+    write_dataset_record(root, {"format_version": 1, "name": "warped-textures", "samples": hashes})
 
 
 if __name__ == "__main__":

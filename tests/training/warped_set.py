@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.datasets.dataset import Sample, write_record, write_sample
+from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
 from tests.training.warped_scenes import warped_pair
 
 
@@ -21,5 +21,5 @@ def write_warped_set(
             views = warped_pair(seed, size, disparities)
             sample = Sample(f"{seed:04d}", *views, None, None, focal_px=200.0, baseline_mm=5.0)
             hashes[split][sample.id] = write_sample(root, split, sample)
-    write_record(root, {"format_version": 1, "name": root.name, "samples": hashes})
+    write_dataset_record(root, {"format_version": 1, "name": root.name, "samples": hashes})
     return hashes

@@ -31,7 +31,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark and print a short table."""
     from endosdk.commands.sizes import parse_size
-    from endosdk.jobs.bench import BenchSettings, run_benchmark, write_record
+    from endosdk.io.whole_files import write_json
+    from endosdk.jobs.bench import BenchSettings, run_benchmark
 
     settings = BenchSettings(
         model=args.model,
@@ -57,6 +58,6 @@ def run(args: argparse.Namespace) -> int:
         ratio = record["fps"] / rival["fps"]
         print(f"{name:10} {rival['fps']:.2f} FPS (we: {ratio:.2f} times), {rival['epe_px']:.3f} px with holes filled")
     if args.json:
-        write_record(args.json, record)
+        write_json(args.json, record, "json")
         print(f"written    {args.json}")
     return 0

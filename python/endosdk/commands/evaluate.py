@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     """Evaluate and print a table."""
     from endosdk.datasets.layouts import default_split, open_dataset
     from endosdk.evaluation.methods import evaluate, write_worst
-    from endosdk.jobs.bench import write_record
+    from endosdk.io.whole_files import write_json
     from endosdk.jobs.machine import machine_record
 
     method, model = _sgbm(args) if args.model == "sgbm" else _estimator(args)
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
             "scores": scores,
             "machine": machine_record(),
         }
-        write_record(args.out / "scores.json", record)
+        write_json(args.out / "scores.json", record, "out")
         print(f"written       {args.out / 'scores.json'} and {len(pictures)} pictures in {args.out / 'worst'}")
     return 0
 

@@ -247,7 +247,7 @@ def write_picture(path: Path, image: NDArray[Any]) -> None:
     path.write_bytes(data.tobytes())
 
 
-def write_record(root: Path, record: dict[str, Any]) -> None:
+def write_dataset_record(root: Path, record: dict[str, Any]) -> None:
     """Write ``dataset.json``, which declares the set complete."""
     write_text(root / "dataset.json", json.dumps(record, indent=1, sort_keys=True) + "\n", "out")
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from endosdk.errors import StorageFailed
 
@@ -46,6 +47,15 @@ def write_text(path: Path, text: str, argument: str = "path") -> None:
     """Write text in UTF-8, whole or not at all. Raises `StorageFailed`."""
     with whole_file(path, argument) as stream:
         stream.write(text.encode())
+
+
+def write_json(path: Path, content: Any, argument: str = "path") -> None:
+    """Write JSON, whole or not at all; the folder is made. Raises `StorageFailed`."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror})") from error
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n", argument)
 
 
 @contextmanager

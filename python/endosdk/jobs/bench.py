@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import subprocess
 import sys
 import tempfile
@@ -17,7 +16,7 @@ import numpy.typing as npt
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.datasets.samples import RawPair, sample_pairs
-from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.errors import InferenceFailed, InvalidArgument
 from endosdk.evaluation.metrics import end_point_error
 from endosdk.evaluation.sgbm import SgbmBaseline, fill_holes
 from endosdk.jobs.machine import machine_record
@@ -109,15 +108,6 @@ def _command(settings: BenchSettings) -> str:
     for name in ("threads", "frames", "warmup", "provider"):
         words += [f"--{name}", str(getattr(settings, name))]
     return " ".join([*words, "--against", settings.against or "none"])
-
-
-def write_record(path: Path, record: dict[str, Any]) -> None:
-    """Write one record as JSON."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(record, indent=2) + "\n")
-    except OSError as error:
-        raise StorageFailed("json", "the file must be writable", error) from error
 
 
 def _checked_error(estimator: DepthEstimator, pairs: list[RawPair]) -> float:

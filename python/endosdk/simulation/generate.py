@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, hash_sample, write_record
+from endosdk.datasets.dataset import FORMAT_VERSION, hash_sample, write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.io.whole_files import PARTIAL, remove_partials, write_text
 from endosdk.simulation.recipe import Recipe
@@ -43,7 +43,7 @@ def generate(
         (job.root / "dataset.json").unlink(missing_ok=True)
         _render_all(job, missing, workers, progress, ray)
     record = _record(job)
-    write_record(job.root, record)
+    write_dataset_record(job.root, record)
     return record
 
 

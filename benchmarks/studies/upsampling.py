@@ -1,6 +1,6 @@
 """What guiding the upsampling of disparity by the left view gains over bilinear resizing, of the same answers.
 
-    python -m benchmarks.upsampling --data DIR --pairs 100 --json benchmarks/results/upsampling.json
+    python -m benchmarks.studies.upsampling --data DIR --pairs 100 --json FILE
 
 The network runs twice for each pair, inside the SDK and by itself on the same pictures. Where its answer is as large as
 its input there is nothing to upsample, and both errors are the same.

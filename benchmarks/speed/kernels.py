@@ -1,6 +1,6 @@
 """Time the compiled kernels against OpenCV + numpy doing the same work, on the same pictures, in the same run.
 
-    python -m benchmarks.kernels --json benchmarks/results/kernels.json
+    python -m benchmarks.speed.kernels --json FILE
 
 Each pair of rivals is first checked to give the same answer, then timed turn by turn, so that other load on the
 machine hits both. Read medians and ratios.
@@ -9,7 +9,6 @@ machine hits both. Read medians and ratios.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -23,6 +22,7 @@ import numpy as np
 
 from benchmarks.record import machine_record
 from endosdk import _core
+from endosdk.io.whole_files import write_json
 
 SIZES = ((960, 720), (1920, 1080))
 THREADS = (1, 2)
@@ -166,7 +166,7 @@ def network_maps(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
 def require(holds: bool, message: str) -> None:
     """End the run: a wrong answer has no speed."""
     if not holds:
-        raise SystemExit(f"benchmarks.kernels: {message}")
+        raise SystemExit(f"benchmarks.speed.kernels: {message}")
 
 
 def time_in_turns(tasks: dict[str, Task], repeats: int) -> dict[str, float]:
@@ -203,7 +203,7 @@ def measure(name: str, width: int, height: int, threads: int, repeats: int) -> d
 
 def main(arguments: list[str] | None = None) -> int:
     """Run all combinations, print a table, write the JSON."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.kernels", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.speed.kernels", description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, help="where to write the results")
     parser.add_argument("--repeats", type=int, default=60, help="timed turns per combination (default 60)")
     options = parser.parse_args(arguments)
@@ -216,14 +216,14 @@ def main(arguments: list[str] | None = None) -> int:
                 print(f"{name:13} {row['size']:>9} {threads} threads  {row['median_ms']}  {row['times_faster']}x")
     if options.json:
         record = {
-            "command": f"python -m benchmarks.kernels --repeats {options.repeats}",
+            "command": f"python -m benchmarks.speed.kernels --repeats {options.repeats}",
             "machine": machine_record(),
             "instruction_set": _core.isa(),
             "opencv": cv2.__version__,
             "load_average": [round(load, 2) for load in os.getloadavg()],  # other work on the machine blurs the times
             "results": results,
         }
-        options.json.write_text(json.dumps(record, indent=2) + "\n")
+        write_json(options.json, record)
     return 0
 
 

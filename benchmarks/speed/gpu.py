@@ -1,6 +1,6 @@
 """Every shipped float model on a graphics card: the provider's options swept, half precision, copies counted or not.
 
-    python -m benchmarks.gpu --json benchmarks/results/gpu.json
+    python -m benchmarks.speed.gpu --json FILE
 
 Each variant is checked against the processor's answer before it is timed; one that cannot run or is too far off is
 recorded as such. Times are of one pair: with inputs and outputs on the device, and with both copied. The floors are
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import sys
 import time
 import warnings
@@ -26,8 +25,9 @@ import onnx
 import onnxruntime as ort
 import torch
 
-from benchmarks.graph_cost import GraphCost, graph_cost
 from benchmarks.record import machine_record
+from benchmarks.speed.graph_cost import GraphCost, graph_cost
+from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model, shipped_models
 from endosdk.training.half import halved
 from endosdk.training.networks import build_network
@@ -238,7 +238,7 @@ def main(arguments: list[str] | None = None) -> int:
     width, height = (int(side) for side in args.size.split("x"))
     name = torch.cuda.get_device_name() if device.provider == "cuda" else "processor"
     record = {
-        "command": " ".join(["python -m benchmarks.gpu", *(arguments or sys.argv[1:])]),
+        "command": " ".join(["python -m benchmarks.speed.gpu", *(arguments or sys.argv[1:])]),
         "device": name,
         "size": [width, height],
         "models": {
@@ -246,7 +246,7 @@ def main(arguments: list[str] | None = None) -> int:
         },
         "machine": machine_record(),
     }
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
     return 0
 
 

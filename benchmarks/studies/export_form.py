@@ -1,6 +1,6 @@
 """What the exported form of wang2020 gains over the network as it is trained, in ONNX Runtime on this processor.
 
-    python -m benchmarks.export_form --data DIR --threads 2 --json benchmarks/results/export_form.json
+    python -m benchmarks.studies.export_form --data DIR --threads 2 --json FILE
 
 Every form has the same weights and must give the same answer on a pair of the test split before any is timed; they are
 timed in turns. The weights are drawn rather than trained, because time does not depend on them.
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import copy
-import json
 import sys
 import tempfile
 import time
@@ -24,6 +23,7 @@ from torch import Tensor, nn
 
 from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
+from endosdk.io.whole_files import write_json
 from endosdk.training.data import planar
 from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.networks.base import StereoNetwork
@@ -142,14 +142,14 @@ def main() -> None:
         print(f"{name:42} {ms:8.1f} ms  {ms / base:5.2f} of it", file=sys.stderr)
     height, width = sample.left.shape[:2]
     record = {
-        "command": f"python -m benchmarks.export_form --data {args.data.name} --max-disparity {args.max_disparity}"
-        f" --threads {args.threads} --runs {args.runs}",
+        "command": f"python -m benchmarks.studies.export_form --data {args.data.name} --max-disparity "
+        f"{args.max_disparity} --threads {args.threads} --runs {args.runs}",
         "network": "wang2020",
         "size": [width, height],
         "forms": {name: {"ms": ms, "share": ms / base, "differs_px": differences[name]} for name, ms in times.items()},
         **machine_record(),
     }
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
 
 
 if __name__ == "__main__":

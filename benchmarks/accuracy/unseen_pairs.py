@@ -1,6 +1,6 @@
 """Our models and StereoSGBM on the same pairs, none of which a model has seen: error, share over 1 px, time.
 
-    python -m benchmarks.accuracy --data DIR --models wang2020 --json benchmarks/results/accuracy.json
+    python -m benchmarks.accuracy.unseen_pairs --data DIR --models wang2020 --json FILE
 
 StereoSGBM stands twice: with its holes filled, so that it answers every pixel as the networks do, and as it is, where
 it leaves the pixels out that it does not trust.
@@ -9,7 +9,6 @@ it leaves the pixels out that it does not trust.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import estimator_method, evaluate, sgbm_method
 from endosdk.evaluation.sgbm import SgbmSettings
+from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 
 
@@ -41,7 +41,7 @@ def main() -> None:
         print(name, file=sys.stderr)
         scores[name] = evaluate(method, reader, args.pairs)
     record = {
-        "command": f"python -m benchmarks.accuracy --data {reader.name} --split {args.split} "
+        "command": f"python -m benchmarks.accuracy.unseen_pairs --data {reader.name} --split {args.split} "
         f"--models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
         + (f" --pairs {args.pairs}" if args.pairs else ""),
         "dataset": {"name": reader.name, "split": args.split, "sha256": reader.sha256},
@@ -49,8 +49,7 @@ def main() -> None:
         "methods": scores,
         **machine_record(),
     }
-    args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
     for name, score in scores.items():
         for region in ("all", "non_occluded"):
             if region in score:

@@ -1,6 +1,6 @@
 """What packing a set did to it: noise in the pictures, and the error that StereoSGBM makes on both forms.
 
-    python -m benchmarks.packing --rendered DIR --packed datasets/endosim-gi-cycles --json FILE
+    python -m benchmarks.studies.packing --rendered DIR --packed datasets/endosim-gi-cycles --json FILE
 
 Packed truth must be the rendered truth to the bit; how far it is off is recorded all the same.
 """
@@ -8,7 +8,6 @@ Packed truth must be the rendered truth to the bit; how far it is off is recorde
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from benchmarks.record import machine_record
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import evaluate, sgbm_method
+from endosdk.io.whole_files import write_json
 
 REGIONS = ("all", "non_occluded")
 
@@ -58,7 +58,7 @@ def main() -> None:
             scores.setdefault(form, {})["sgbm-filled" if filled else "sgbm"] = {name: score[name] for name in REGIONS}
     size = {form: sum(f.stat().st_size for f in reader.root.rglob("*") if f.is_file()) for form, reader in sets.items()}
     record = {
-        "command": f"python -m benchmarks.packing --rendered {args.rendered.name} --packed {args.packed}",
+        "command": f"python -m benchmarks.studies.packing --rendered {args.rendered.name} --packed {args.packed}",
         "dataset": {"name": sets["packed"].name, "split": "test", "pairs": len(sets["packed"])},
         "sha256": {form: reader.sha256 for form, reader in sets.items()},
         "bytes": size,
@@ -66,8 +66,7 @@ def main() -> None:
         "methods": scores,
         **machine_record(),
     }
-    args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
     for form, score in scores.items():
         print(form, {name: round(m["all"]["epe_px"], 4) for name, m in score.items()})
     print(f"views {record['psnr_db']['mean']:.1f} dB, least {record['psnr_db']['least']:.1f} dB")

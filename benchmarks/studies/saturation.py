@@ -1,6 +1,6 @@
 """How far a processor's 8-bit integers lead from the same model in floats, on pictures as they are and brightened.
 
-    python -m benchmarks.saturation --data DIR --models fast before=old.onnx --json benchmarks/results/saturation.json
+    python -m benchmarks.studies.saturation --data DIR --models fast before=old.onnx --json FILE
 
 Processors without VNNI add two products in 16 bits and stop at their end, which shows at large inputs. A runtime that
 may not fuse the layers computes the very same model in floats, where nothing stops. What is left on a model that cannot
@@ -10,7 +10,6 @@ saturate is rounding at the steps of 8 bits.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from tqdm import tqdm
 
 from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
+from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 from endosdk.training.frame_size import reduced_view, reduction
 
@@ -76,13 +76,13 @@ def main() -> None:
         for gain, found in by_gain.items():
             print(f"{name:10} grey levels x {gain:4} mean {found['mean_px']:.3f} px, p99 {found['p99_px']:.3f} px")
     record = {
-        "command": f"python -m benchmarks.saturation --data {reader.name} --pairs {args.pairs} "
+        "command": f"python -m benchmarks.studies.saturation --data {reader.name} --pairs {args.pairs} "
         f"--models {' '.join(models)}",
         "dataset": {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256},
         "models": models,
         "machine": machine_record(),
     }
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How well a given calibration rectifies real chessboard pairs: rows that agree, and lengths in mm.
 
-    python -m benchmarks.chessboard --data DIR --json benchmarks/results/chessboard_rectification.json
+    python -m benchmarks.accuracy.chessboard --data DIR --json FILE
 
 DIR holds the calibration in the plain text layout and ``left/``, ``right/`` with pictures and ``*.points.txt``, the
 detected corners row by row. Takes about two seconds. No square size is given with the boards, so the lengths are
@@ -11,7 +11,6 @@ ratio must be one and the same square in every pair.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -22,12 +21,13 @@ import numpy.typing as npt
 from benchmarks.record import machine_record
 from endosdk.calibration.board import calibrate_board, rectify_points, row_correlation
 from endosdk.calibration.rig import StereoCalibration
+from endosdk.io.whole_files import write_json
 
 Points = npt.NDArray[np.float64]
 
 SIZE = (1920, 1080)
 PATTERN = (14, 10)
-COMMAND = "python -m benchmarks.chessboard --data DIR --json FILE"
+COMMAND = "python -m benchmarks.accuracy.chessboard --data DIR --json FILE"
 
 
 def read_corners(folder: Path) -> tuple[list[str], list[Points], list[Points]]:
@@ -96,8 +96,7 @@ def main() -> int:
         square = f"square {pair['square_mm']:.3f} mm"
         print(f"pair {name}: {pair['row_median_px']:.2f} px, {pair['depth_mm']:.0f} mm away, {square}")
     record = {"command": COMMAND, "machine": machine_record(), **result}
-    options.json.parent.mkdir(parents=True, exist_ok=True)
-    options.json.write_text(json.dumps(record, indent=1) + "\n")
+    write_json(options.json, record)
     print(f"written {options.json}")
     return 0
 

@@ -1,6 +1,6 @@
 """A model on one real rectified pair without truth: does it agree with StereoSGBM, and do the warped views match?
 
-    python -m benchmarks.real_pair LEFT RIGHT --model wang2020 --network-size 808x768 --json FILE
+    python -m benchmarks.accuracy.real_pair LEFT RIGHT --model wang2020 --network-size 808x768 --json FILE
 
 StereoSGBM (eight paths, 128 px) stands in for truth only where it answers, so the figures are agreement, not error. The
 photometric difference is the mean absolute difference in grey levels between the left view and the right view warped by
@@ -22,6 +22,7 @@ from endosdk.commands.sizes import parse_size
 from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings
 from endosdk.evaluation.vertical_disparity import vertical_disparity
 from endosdk.io.pictures import read_frame
+from endosdk.io.whole_files import write_json
 
 
 def photometric(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, where: np.ndarray) -> float:
@@ -47,7 +48,8 @@ def main() -> None:
     apart = np.abs(result.disparity - rival)[both]
     offset = vertical_disparity(left, right)
     record = {
-        "command": f"python -m benchmarks.real_pair LEFT RIGHT --model {args.model} --network-size {args.network_size}",
+        "command": f"python -m benchmarks.accuracy.real_pair LEFT RIGHT --model {args.model} "
+        f"--network-size {args.network_size}",
         "pair": f"{args.left.parent.name}, {left.shape[1]}x{left.shape[0]}",
         "model_sha256": result.model.sha256,
         "vertical_disparity_px": offset.median_px,
@@ -65,7 +67,7 @@ def main() -> None:
         },
         **machine_record(),
     }
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
     print(json.dumps({k: record[k] for k in ("difference_to_sgbm_hh_px", "photometric_levels", "coverage")}))
 
 

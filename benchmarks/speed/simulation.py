@@ -1,6 +1,6 @@
 """Pairs that a renderer makes in a minute, from the seed to the files, start-up counted.
 
-    python -m benchmarks.simulation --renderer gl --pairs 8 --workers 2 --json benchmarks/results/simulation.json
+    python -m benchmarks.speed.simulation --renderer gl --pairs 8 --workers 2 --json FILE
 
 Cycles takes all cores by itself, so it needs one worker.
 """
@@ -15,6 +15,7 @@ from pathlib import Path
 
 from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
+from endosdk.io.whole_files import write_json
 from endosdk.simulation.generate import generate
 from endosdk.simulation.recipe import Recipe
 
@@ -36,7 +37,7 @@ def main() -> None:
         seconds = time.perf_counter() - started
         organs = [sample.info["organ"] for sample in open_dataset(Path(folder) / "set", "train")]
     result = {
-        "command": f"python -m benchmarks.simulation --renderer {args.renderer} --organ {args.organ} "
+        "command": f"python -m benchmarks.speed.simulation --renderer {args.renderer} --organ {args.organ} "
         f"--pairs {args.pairs} --seed {args.seed} --workers {args.workers}",
         "version": record["renderers"],
         "size": [recipe.camera.width, recipe.camera.height],
@@ -49,8 +50,7 @@ def main() -> None:
     }
     known = json.loads(args.json.read_text()) if args.json.exists() else {}
     known[args.renderer] = result
-    args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(known, indent=2) + "\n")
+    write_json(args.json, known)
     print(f"{args.renderer}: {result['pairs_per_minute']:.2f} pairs a minute")
 
 

@@ -1,6 +1,6 @@
 """What the rule at the end of a model's range does, for several margins: near surfaces marked, right answers dropped.
 
-    python -m benchmarks.range_end --data DIR --models fast wang2020 --json benchmarks/results/range_end.json
+    python -m benchmarks.accuracy.range_end --data DIR --models fast wang2020 --json FILE
 
 A network finds no disparity beyond its last plane: nearer surfaces come out at that plane, with high confidence. The
 SDK marks answers within a margin of it as out of range. To have surfaces beyond, the right views are moved to the left

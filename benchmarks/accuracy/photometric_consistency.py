@@ -1,6 +1,6 @@
 """What the rule that both views must agree does: to right pairs, and to pairs that no answer should come of.
 
-    python -m benchmarks.agreement --data DIR [--real DIR] --json benchmarks/results/agreement.json
+    python -m benchmarks.accuracy.photometric_consistency --data DIR [--real DIR] --json FILE
 
 A network answers whatever it is shown, also one covered camera. The SDK takes the confidence from blocks whose views do
 not correlate at the disparity found, and from the whole frame when most do not. Every pair is answered without the rule

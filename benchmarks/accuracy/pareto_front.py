@@ -1,7 +1,7 @@
 """Error against time of many methods on the same pairs in the same run, and the picture of it.
 
-    python -m benchmarks.front --data DIR --pairs 20 --threads 2 --models fast small=runs/small.onnx wide=fast@640x480 \
-        --json benchmarks/results/front.json --figure docs/images/front.png
+    python -m benchmarks.accuracy.pareto_front --data DIR --pairs 20 --threads 2 \
+        --models fast small=runs/small.onnx larger=fast@640x480 --json FILE --figure docs/images/front.png
 
 Models go the whole way from frame to full-size maps; StereoSGBM and StereoBM are timed for their matching alone, and
 their holes are filled for the error, so that all answer every pixel. All take turns on every pair, because the speed
@@ -11,7 +11,6 @@ of a machine changes while they are measured.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from itertools import product
 from pathlib import Path
@@ -29,6 +28,7 @@ from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import Method, estimator_method, sgbm_method
 from endosdk.evaluation.scores import ScoreBoard
+from endosdk.io.whole_files import write_json
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -169,13 +169,13 @@ def main() -> None:
     for name, point in points.items():
         print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px")
     record = {
-        "command": f"python -m benchmarks.front --data {reader.name} --pairs {args.pairs} --threads {args.threads} "
-        f"--models {' '.join(named)}",
+        "command": f"python -m benchmarks.accuracy.pareto_front --data {reader.name} --pairs {args.pairs} "
+        f"--threads {args.threads} --models {' '.join(named)}",
         "dataset": {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256},
         "points": points,
         **machine_record(),
     }
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
     height, width = samples[0].left.shape[:2]
     draw(points, args.figure, f"{reader.name}, {args.pairs} pairs of {width} x {height}, {args.threads} threads")
 

@@ -1,6 +1,6 @@
 """The long checks of the C library: many frames, overhead, sanitizers, fuzzing. Minutes to an hour.
 
-    python -m benchmarks.c_library --json benchmarks/results/c_library.json [--only steadiness overhead sanitizers fuzz]
+    python -m benchmarks.speed.c_library --json FILE [--only steadiness overhead sanitizers fuzz]
 
 A part that is not run keeps what the file says of it. Every part carries the machine and commit it was run on.
 """
@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.record import machine_record
+from endosdk.io.whole_files import write_json
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
 TIMED = (  # model, width, height, frames
     (TINY_MODEL, 640, 480, 60),
@@ -140,10 +141,9 @@ def main() -> None:
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     record = json.loads(arguments.json.read_text()) if arguments.json.is_file() else {}
     for name in arguments.only:
-        command = f"python -m benchmarks.c_library --only {name}"
+        command = f"python -m benchmarks.speed.c_library --only {name}"
         record[name] = {"command": command, "result": PARTS[name](arguments), "machine": machine_record()}
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(record, indent=1) + "\n")
+        write_json(arguments.json, record)
         say(f"{name}: {json.dumps(record[name]['result'])}")
 
 

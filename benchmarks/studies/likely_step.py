@@ -1,6 +1,6 @@
 """What the pictures' own correction of the coarse map brings wang2020: the same weights without it and with it.
 
-    python -m benchmarks.likely_step --data DIR --weights wang2020 --json benchmarks/results/likely_step.json
+    python -m benchmarks.studies.likely_step --data DIR --weights wang2020 --json FILE
 
 Both are model files that go through the whole frame path. With ``--held-out`` the last so many training pairs are
 scored, and there further dampings may be tried; the test split is for the one that is shipped.
@@ -22,6 +22,7 @@ from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import estimator_method
 from endosdk.evaluation.scores import ScoreBoard
+from endosdk.io.whole_files import write_json
 from endosdk.training import checkpoint
 from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.networks import photometric
@@ -75,13 +76,13 @@ def main() -> None:
         name, _, file = entry.partition("=")
         found = measure(file or name, reader, indices, args.dampings)
         records[f"{name} on {reader.name}, {split}"] = {
-            "command": f"python -m benchmarks.likely_step --data {reader.name}{some} --weights {name} "
+            "command": f"python -m benchmarks.studies.likely_step --data {reader.name}{some} --weights {name} "
             f"--dampings {dampings}",
             "dataset": data,
             "ways": found,
             "machine": machine_record(),
         }
-        args.json.write_text(json.dumps(records, indent=1) + "\n")
+        write_json(args.json, records)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What the parts of a stereo network cost in ONNX Runtime on this processor, in float and in 8-bit integers.
 
-    python -m benchmarks.operators --threads 2 --json benchmarks/results/operators.json
+    python -m benchmarks.speed.operators --threads 2 --json FILE
 
 Each part is a graph of a few layers at the sizes of a network that sees 480 x 360. The 8-bit form is made by static
 quantisation on one input and must agree with the float form before either is timed; the two are timed in turns.
@@ -9,7 +9,6 @@ quantisation on one input and must agree with the float form before either is ti
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import sys
 import tempfile
@@ -27,6 +26,7 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantTy
 from torch import Tensor, nn
 
 from benchmarks.record import machine_record
+from endosdk.io.whole_files import write_json
 
 LAYERS = 8  # of a chain, so that the cost of entering and leaving it hardly counts
 LARGEST_SHARE = 0.1  # mean difference of the 8-bit form, relative to the mean of the answer
@@ -169,11 +169,11 @@ def main() -> None:
         found = "  ".join(f"{form} {ms:7.3f} ms" for form, ms in table[name].items())
         print(f"{name:48} {found}", file=sys.stderr, flush=True)
     record = {
-        "command": f"python -m benchmarks.operators --threads {args.threads} --runs {args.runs}",
+        "command": f"python -m benchmarks.speed.operators --threads {args.threads} --runs {args.runs}",
         "ms_per_layer": table,
         **machine_record(),
     }
-    args.json.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(args.json, record)
 
 
 if __name__ == "__main__":
