@@ -171,7 +171,7 @@ def test_rival_is_scored_by_its_file_which_computes_what_torch_does(tiny_set, tm
     short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--precision=fp32", "--steps=1", "--budget=gpu"]
     assert main(["train", *given, *short]) == 0
     assert main(["evaluate", *given, *short]) == 0
-    row = json.loads((tmp_path / "table1.json").read_text())["methods"]["anynet"]
+    row = json.loads((tmp_path / "paper" / "table1.json").read_text())["methods"]["anynet"]
     assert row["complete"] and row["params"] == 43_315
     assert row["epe"] > 0 and row["coverage"] == 1
     (file,) = (tmp_path / "gpu/anynet").glob("*.onnx")
@@ -186,7 +186,7 @@ def test_run_that_was_begun_anew_is_scored_anew(tiny_set, tmp_path):
         short = ["--batch=1", "--train-pairs=4", "--crop", "48", width, "--precision=fp32", "--budget=gpu"]
         assert main(["train", *given, *short]) == 0
         assert main(["evaluate", *given, *short]) == 0
-        rows.append(json.loads((tmp_path / "table1.json").read_text())["methods"]["wang2020"])
+        rows.append(json.loads((tmp_path / "paper" / "table1.json").read_text())["methods"]["wang2020"])
         shutil.rmtree(tmp_path / "gpu")
     assert rows[0]["samples_seen"] == rows[1]["samples_seen"] and rows[0]["epe"] != rows[1]["epe"]
 

@@ -29,6 +29,7 @@ from benchmarks.paper.verdicts import (
     seed_spread,
     time_verdict,
 )
+from endosdk.io.whole_files import write_json
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
 SPREAD = 0.05
@@ -186,9 +187,9 @@ def test_report_judges_what_the_records_hold(tmp_path):
 
 def test_a_rival_that_only_a_smaller_table_has_is_judged_there(tmp_path):
     table = json.loads((RESULTS / "paper" / "table1.json").read_text())
-    (tmp_path / "table1_few.json").write_text(json.dumps({**table, "pairs": 16}))
+    write_json(tmp_path / "paper" / "table1_few.json", {**table, "pairs": 16})
     del table["methods"]["anynet"]
-    (tmp_path / "table1.json").write_text(json.dumps(table))
+    write_json(tmp_path / "paper" / "table1.json", table)
     write_report(tmp_path, tmp_path)
     text = (tmp_path / "report.md").read_text()
     assert f"| {LABELS['anynet']} | 16 | " in text and f"| {LABELS['psmnet']} | 100 | " in text
@@ -199,7 +200,7 @@ def test_pairs_that_were_rendered_anew_stand_apart(tmp_path):
     shipped = {"shipped-fast": {**table["methods"]["shipped-fast"], "version": "11"}}
     again = {**table, "sha256": "other", "methods": shipped}
     for name, content in (("table1", table), ("table1_again", again)):
-        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+        write_json(tmp_path / "paper" / f"{name}.json", content)
     write_report(tmp_path, tmp_path)
     text = (tmp_path / "report.md").read_text()
     assert f"## Table 1 on {table['dataset']}, rendered anew on another machine" in text
@@ -210,7 +211,7 @@ def test_rows_timed_on_another_machine_say_so(tmp_path):
     table = json.loads((RESULTS / "paper" / "table1.json").read_text())
     for name, values in table["methods"].items():
         values["timed_on"] = {"cpu": "Old", "instructions": None if name != "bm" else ["avx2", "amx_int8"]}
-    (tmp_path / "table1.json").write_text(json.dumps(table))
+    write_json(tmp_path / "paper" / "table1.json", table)
     write_report(tmp_path, tmp_path)
     text = (tmp_path / "report.md").read_text()
     assert "Times on Old, 2 threads" in text
@@ -230,7 +231,7 @@ def test_our_own_recipe_is_judged_by_its_last_version(last, verdict, tmp_path):
         }
         for number, epe in errors.items()
     }
-    (tmp_path / "wang2020_versions.json").write_text(json.dumps({"versions": versions}))
+    write_json(tmp_path / "studies" / "wang2020_versions.json", {"versions": versions})
     write_report(tmp_path, tmp_path)
     text = (tmp_path / "report.md").read_text()
     assert f"{verdict}: version 2 as shipped is at {last:.4f} px" in text
@@ -243,7 +244,7 @@ def test_pixels_are_counted_with_and_without_occluded_ones(tmp_path):
     found = row(scores)
     assert (found["pixels"], found["pixels_noc"]) == (5000, 4000)
     table = {"dataset": "gi", "sha256": "1", "pairs": 2, "threads": 2, "methods": {"shipped-fast": found}}
-    (tmp_path / "table1.json").write_text(json.dumps(table))
+    write_json(tmp_path / "paper" / "table1.json", table)
     write_report(tmp_path, tmp_path)
     assert "| 2 | 5,000, 4,000 non-occluded |" in (tmp_path / "report.md").read_text()
 
