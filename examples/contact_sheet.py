@@ -23,6 +23,8 @@ def main(root: str, split: str, organ: str, sheet: str) -> None:
     for sample in islice(wanted, COLUMNS * ROWS):
         height = round(WIDTH * sample.left.shape[0] / sample.left.shape[1])
         tiles.append(cv2.resize(sample.left, (WIDTH, height), interpolation=cv2.INTER_AREA))
+    tallest = max((tile.shape[0] for tile in tiles), default=0)
+    tiles = [np.pad(tile, ((0, tallest - tile.shape[0]), (0, 0), (0, 0))) for tile in tiles]
     if len(tiles) < COLUMNS * ROWS:
         sys.exit(f"{root} has only {len(tiles)} such pairs; a sheet needs {COLUMNS * ROWS}")
     rows = [np.hstack(tiles[k : k + COLUMNS]) for k in range(0, len(tiles), COLUMNS)]

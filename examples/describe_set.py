@@ -17,7 +17,7 @@ import numpy as np
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 
-EDGES_PX = np.arange(0.0, 72.0, 2.0)
+STEP_PX, MOST_BARS = 2.0, 36
 BAR, HEIGHT, MARGIN = 20, 240, 34
 BLUE, BLACK = (170, 90, 30), (0, 0, 0)  # as OpenCV orders channels
 
@@ -25,14 +25,17 @@ BLUE, BLACK = (170, 90, 30), (0, 0, 0)  # as OpenCV orders channels
 def describe(reader: DatasetReader) -> dict[str, Any]:
     """Return counts and disparities, in px, over all samples; shares are of all pixels, or of those with truth."""
     organs: Counter[str] = Counter()
-    counts = np.zeros(len(EDGES_PX) - 1, np.int64)
+    largest = float(reader.record["disparity_limits_px"]["largest"])
+    step = STEP_PX * np.ceil(largest / (STEP_PX * MOST_BARS))
+    edges = np.arange(0.0, largest + step, step)
+    counts = np.zeros(len(edges) - 1, np.int64)
     tools = pixels = known_pixels = occluded = 0
     least, most, means = [], [], []
     for sample in reader:
         known = sample.disparity[np.isfinite(sample.disparity)]
         organs[sample.info["organ"]] += 1
-        tools += sample.info["scene"]["instrument"] is not None
-        counts += np.histogram(known, EDGES_PX)[0]
+        tools += bool(sample.info.get("tools") or sample.info["scene"].get("instrument"))
+        counts += np.histogram(known, edges)[0]
         pixels += sample.disparity.size
         known_pixels += known.size
         occluded += 0 if sample.occlusion is None else int(sample.occlusion.sum())
@@ -47,11 +50,11 @@ def describe(reader: DatasetReader) -> dict[str, Any]:
         "mean_disparity_of_a_pair_px": [min(means), max(means)],
         "without_truth": 1.0 - known_pixels / pixels,
         "occluded": occluded / pixels,
-        "histogram": {"edges_px": EDGES_PX.tolist(), "share": (counts / known_pixels).round(5).tolist()},
+        "histogram": {"edges_px": edges.tolist(), "share": (counts / known_pixels).round(5).tolist()},
     }
 
 
-def draw(shares: np.ndarray) -> np.ndarray:
+def draw(shares: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return a bar chart [H,W,3] of the share of pixels at each disparity."""
     chart = np.full((HEIGHT + 2 * MARGIN, BAR * len(shares) + 2 * MARGIN, 3), 255, np.uint8)
     floor = MARGIN + HEIGHT
@@ -60,7 +63,7 @@ def draw(shares: np.ndarray) -> np.ndarray:
         top = floor - round(HEIGHT * share / shares.max())
         cv2.rectangle(chart, (left + 1, top), (left + BAR - 2, floor), BLUE, -1)
         if k % 5 == 0:
-            _write(chart, f"{EDGES_PX[k]:.0f}", (left - 6, floor + 18))
+            _write(chart, f"{edges[k]:.0f}", (left - 6, floor + 18))
     _write(chart, f"share of pixels by disparity in px; tallest bar {100 * shares.max():.1f} %", (MARGIN, 22))
     return chart
 
@@ -76,7 +79,7 @@ def main(root: str, split: str, picture: str | None = None) -> None:
     print(json.dumps(facts, indent=1))
     if picture is not None:
         Path(picture).parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(picture, draw(np.asarray(facts["histogram"]["share"])))
+        cv2.imwrite(picture, draw(*(np.asarray(facts["histogram"][name]) for name in ("share", "edges_px"))))
 
 
 if __name__ == "__main__":

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from endosdk.datasets.dataset import Sample, find_occlusion
+from endosdk.cli import main
+from endosdk.datasets.dataset import Sample, find_occlusion, write_record, write_sample
+from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.faults import chips, field, lens, looks, rows
 from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
 from endosdk.simulation.noise import fractal_tile
@@ -204,6 +207,30 @@ def test_the_processor_does_what_it_says(sample: Sample) -> None:
     laced = spoilt(sample, processor=replace(NO_PROCESSOR, interlaced=True)).left
     np.testing.assert_array_equal(laced[::2], sample.left[::2])
     assert np.abs(laced[1::2].astype(int) - sample.left[1::2]).mean() > 0.3
+
+
+def test_a_set_on_disk_is_spoiled_by_the_command(
+    sample: Sample, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clean, out, again = (tmp_path / name for name in ("clean", "out", "again"))
+    pairs = {f"{k:03d}": replace(sample, id=f"{k:03d}") for k in range(4)}
+    hashes = {name: write_sample(clean, "test", pair) for name, pair in pairs.items()}
+    write_record(clean, {"format_version": 1, "name": "clean", "samples": {"train": {}, "test": hashes}})
+    assert main(["simulate", "--spoil", str(clean), "--out", str(out), "--seed", "3"]) == 0
+    assert main(["simulate", "--check", str(out)]) == 0
+    assert main(["simulate", "--spoil", str(clean), "--out", str(again), "--seed", "3"]) == 0
+    spoiled = [open_dataset(root, "test") for root in (out, again)]
+    assert spoiled[0].sha256 == spoiled[1].sha256 != open_dataset(clean, "test").sha256
+    assert spoiled[0].record["spoiled_from"]["sha256"] == open_dataset(clean, "test").sha256
+    assert all("faults" in pair.info for pair in spoiled[0])
+    assert len({pair.left.tobytes() for pair in spoiled[0]}) == 4
+    capsys.readouterr()
+    assert main(["simulate", "--spoil", str(clean), "--out", str(out)]) == 2
+    assert "out: must be an empty or new folder" in capsys.readouterr().err
+    assert main(["simulate", "--spoil", str(clean), "--out", str(tmp_path / "x"), "--width", "64"]) == 2
+    assert (
+        "spoil: takes the pairs as they are, so leave out the rest but --seed; got --width" in capsys.readouterr().err
+    )
 
 
 def test_a_pair_without_truth_for_the_right_view_can_be_spoiled(sample: Sample) -> None:

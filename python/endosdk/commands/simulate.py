@@ -59,6 +59,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
+        "--spoil", type=Path, metavar="DIR", help="render nothing: write the pairs of this set with --faults into --out"
+    )
+    parser.add_argument(
         "--recipe",
         metavar="NAME",
         help="a published set, such as endosim-lap; settles all but --pairs and --test-pairs",
@@ -84,7 +87,9 @@ def run(args: argparse.Namespace) -> int:
 
         print(set_up())
         return 0
-    return _check(args.check) if args.check is not None else _render(args)
+    if args.check is not None:
+        return _check(args.check)
+    return _spoil(args) if args.spoil is not None else _render(args)
 
 
 def _check(root: Path) -> int:
@@ -98,6 +103,19 @@ def _check(root: Path) -> int:
             print(f"{name}: {fault}")
     print(f"{count - faults} of {count} samples are as recorded")
     return 1 if faults else 0
+
+
+def _spoil(args: argparse.Namespace) -> int:
+    from endosdk.errors import InvalidArgument
+    from endosdk.simulation.faults.spoil_set import spoil_set
+
+    given = [name for name in _SETTINGS if getattr(args, name) is not None and name != "seed"]
+    if given or args.recipe is not None:
+        options = ", ".join([*(_option(name) for name in given), *(["--recipe"] if args.recipe else [])])
+        raise InvalidArgument("spoil", "takes the pairs as they are, so leave out the rest but --seed", options)
+    record = spoil_set(args.spoil, args.out, args.seed if args.seed is not None else 1)
+    print(f"{args.out}: {sum(len(ids) for ids in record['samples'].values())} spoiled pairs", file=sys.stderr)
+    return 0
 
 
 def _render(args: argparse.Namespace) -> int:

@@ -87,7 +87,9 @@ def _render_all(job: Job, tasks: list[Task], workers: int, progress: bool, ray: 
     else:
         finished = render_here(job, tasks) if workers == 1 else render_apart(job, tasks, workers)
     unit = "frame" if job.recipe.frames else "pair"
-    with tqdm(total=total, initial=total - len(tasks) * frames, unit=unit, disable=not progress, smoothing=0.1) as bar:
+    with tqdm(
+        total=total, initial=total - len(tasks) * frames, unit=unit, disable=None if progress else True, smoothing=0.1
+    ) as bar:
         for count in finished:
             bar.update(count)
 

@@ -1,0 +1,55 @@
+"""Spoil every pair of a set on disk: the same scenes and the same truth, in worse pictures."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, write_record, write_sample
+from endosdk.datasets.layouts import open_dataset
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.simulation.faults.spoil import draw_faults, spoil
+
+
+def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = True) -> dict[str, Any]:
+    """Write the spoiled pairs of the set at ``source`` into the new folder ``root``; return their record.
+
+    A pair's faults follow from ``seed`` and its id. Raises InvalidArgument where ``root`` holds anything,
+    DatasetInvalid where the source is not a complete set, StorageFailed where the new one cannot be written.
+    """
+    from tqdm import tqdm
+
+    readers = {split: open_dataset(source, split) for split in SPLITS}
+    out = Path(root)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        occupied = any(out.iterdir())
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+    if occupied:
+        raise InvalidArgument("out", "must be an empty or new folder", out)
+    samples: dict[str, dict[str, str]] = {}
+    for split, reader in readers.items():
+        samples[split] = {}
+        for sample in tqdm(reader, total=len(reader), unit="pair", disable=None if progress else True):
+            samples[split][sample.id] = write_sample(out, split, _spoilt(sample, seed))
+    whole = readers[SPLITS[0]]
+    record = {
+        "format_version": FORMAT_VERSION,
+        "name": out.resolve().name,
+        "spoiled_from": {"name": whole.name, "sha256": whole.sha256},
+        "seed": seed,
+        "samples": samples,
+    }
+    write_record(out, record)
+    return record
+
+
+def _spoilt(sample: Sample, seed: int) -> Sample:
+    drawn = (seed, zlib.crc32(sample.id.encode()))
+    faults = draw_faults((*drawn, 22), sample.left.shape[0] / sample.left.shape[1])
+    if faults is None:
+        return replace(sample, info={**sample.info, "faults": None})
+    return spoil(sample, faults, (*drawn, 23))
