@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from endosdk.cli import main
-from endosdk.datasets.dataset import Sample, find_occlusion, write_record, write_sample
+from endosdk.datasets.dataset import Sample, find_occlusion, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.faults import chips, field, lens, looks, rows
 from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
@@ -215,7 +215,7 @@ def test_a_set_on_disk_is_spoiled_by_the_command(
     clean, out, again = (tmp_path / name for name in ("clean", "out", "again"))
     pairs = {f"{k:03d}": replace(sample, id=f"{k:03d}") for k in range(4)}
     hashes = {name: write_sample(clean, "test", pair) for name, pair in pairs.items()}
-    write_record(clean, {"format_version": 1, "name": "clean", "samples": {"train": {}, "test": hashes}})
+    write_dataset_record(clean, {"format_version": 1, "name": "clean", "samples": {"train": {}, "test": hashes}})
     assert main(["simulate", "--spoil", str(clean), "--out", str(out), "--seed", "3"]) == 0
     assert main(["simulate", "--check", str(out)]) == 0
     assert main(["simulate", "--spoil", str(clean), "--out", str(again), "--seed", "3"]) == 0

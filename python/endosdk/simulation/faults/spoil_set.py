@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, write_record, write_sample
+from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.simulation.faults.spoil import draw_faults, spoil
@@ -43,7 +43,7 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
         "seed": seed,
         "samples": samples,
     }
-    write_record(out, record)
+    write_dataset_record(out, record)
     return record
 
 
