@@ -52,11 +52,22 @@ class EndoError(Exception):
         self.argument = argument
         self.rule = rule
         self.value = value
-        super().__init__(f"{argument}: {rule}; got {value} [{self.code.name}]")
+        super().__init__(f"{argument}: {rule}; got {_shortened(value)} [{self.code.name}]")
 
     def __reduce__(self) -> tuple[type[EndoError], tuple[str, str, object]]:
         """Keep the three parts when the error crosses a process boundary."""
         return type(self), (self.argument, self.rule, self.value)
+
+
+# What was seen may come from a file that somebody else made. It must fit a log line and a terminal.
+LONGEST_VALUE = 400
+
+
+def _shortened(value: object) -> str:
+    text = str(value)
+    middle = f" ... ({len(text)} characters) ... "
+    half = LONGEST_VALUE // 2
+    return text if len(text) <= LONGEST_VALUE + len(middle) else text[:half] + middle + text[-half:]
 
 
 class InvalidArgument(EndoError, ValueError):

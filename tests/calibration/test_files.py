@@ -358,7 +358,7 @@ def test_ros_left_file_alone_or_right_first_is_refused(tmp_path: Path) -> None:
         ({"image_width": 641}, CalibrationSizeMismatch, r"must be for \(640, 480\)"),
         ({"image_width": "wide"}, CalibrationUnreadable, "two numbers"),
         ({"image_height": -480}, CalibrationUnreadable, "positive"),
-        ({"image_height": ".inf"}, CalibrationUnreadable, "positive"),
+        ({"image_height": ".inf"}, CalibrationUnreadable, "two numbers"),
         ({"distortion_model": "equidistant"}, CalibrationUnreadable, "must be pinhole"),
         ({"distortion_model": "omni"}, CalibrationUnreadable, "must be one of plumb_bob"),
     ],

@@ -127,10 +127,13 @@ def test_verify_finds_what_changed_vanished_or_appeared(root: Path) -> None:
     [
         (lambda f: (f / "left.png").unlink(), "left.png must be there"),
         (lambda f: (f / "right.png").write_bytes(b""), "right.png must be a picture"),
-        (lambda f: (f / "left.png").write_bytes((f / "left.png").read_bytes()[:30]), "left.png must be a picture"),
+        (
+            lambda f: (f / "left.png").write_bytes((f / "left.png").read_bytes()[:30]),
+            "left.png must be a whole picture",
+        ),
         (lambda f: cv2.imwrite(str(f / "right.png"), np.zeros((9, 9, 3), np.uint8)), "right view must be as large"),
         (lambda f: cv2.imwrite(str(f / "disparity.png"), np.zeros((24, 32), np.uint8)), "must be 16-bit"),
-        (lambda f: (f / "sample.json").write_text("{"), "sample.json must be JSON"),
+        (lambda f: (f / "sample.json").write_text("{"), "sample.json must be valid JSON"),
         (lambda f: (f / "sample.json").write_text('{"camera": {"focal_px": 4}}'), "baseline_mm"),
     ],
     ids=["missing", "empty", "truncated", "size", "depth", "json", "key"],
@@ -147,7 +150,7 @@ def test_a_broken_sample_is_named(root: Path, damage: object, words: str) -> Non
     ("text", "words"),
     [
         (None, "an unfinished set has none"),
-        ("not json", "must be readable JSON"),
+        ("not json", "must be valid JSON"),
         ("[]", "must have the key"),
         ('{"format_version": 1, "name": "x"}', "must have the key samples"),
         ('{"format_version": 99, "name": "x", "samples": {}}', "format_version must be 1"),

@@ -71,7 +71,7 @@ def test_deep_pictures_are_refused_not_cut(tmp_path):
 
 def test_broken_picture_is_refused(tmp_path):
     (tmp_path / "x.png").write_bytes(b"no picture")
-    with pytest.raises(errors.InvalidArgument, match="OpenCV can read"):
+    with pytest.raises(errors.InvalidArgument, match="must be a picture"):
         read_frame(tmp_path / "x.png")
 
 

@@ -160,7 +160,7 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
     words = ["batch", str(tmp_path / "in" / "left"), str(tmp_path / "in" / "right"), "--out", str(tmp_path / "out")]
     assert main(words) == 1
     told = capsys.readouterr().out
-    assert f"FAILED     {NAMES[1]}: frame: must be a picture that OpenCV can read" in told
+    assert f"FAILED     {NAMES[1]}: frame: must be a picture (PNG, JPEG, BMP, TIFF, PGM or PPM); got" in told
     assert not (tmp_path / "out" / "pairs" / NAMES[1]).exists()
     shutil.copy(archive / "right" / broken.name, broken)
     assert main(words) == 0

@@ -24,16 +24,20 @@ PLAUSIBLE_BASELINE_MM = (0.5, 500.0)
 
 def number(name: str, value: Any) -> float:
     """Return a finite real number as float."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+    try:
+        plain = math.nan if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:  # a whole number of more digits than a float has room for
+        plain = math.inf
+    if not math.isfinite(plain):
         raise InvalidCalibration(name, "must be a finite number", repr(value))
-    return float(value)
+    return plain
 
 
 def finite_array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Matrix:
     """Return a read-only contiguous float64 copy of finite numbers, of the given shape if there is one."""
     try:
         array = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidCalibration(name, "must be an array of numbers", repr(value)) from error
     if shape is not None and array.shape != shape:
         raise InvalidCalibration(name, f"must have shape {list(shape)}", list(array.shape))

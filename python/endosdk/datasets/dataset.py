@@ -18,11 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.io.documents import parse_json
+from endosdk.io.names import RULE, is_plain_name
+from endosdk.io.picture_bytes import read_picture
 from endosdk.io.whole_files import whole_folder, write_text
 
 FORMAT_VERSION = 1
 SPLITS = ("train", "test")
 DISPARITY_STEPS = 256.0
+LARGEST_TEXT = 64 * 1024 * 1024  # bytes: dataset.json of half a million samples
 LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 MATCH_TOLERANCE_PX = 1.0
 PNG_EFFORT = 4  # of 9; more takes several times longer and saves a few per cent
@@ -95,12 +100,9 @@ class DatasetReader:
 def read_record(root: Path) -> dict[str, Any]:
     """Return the contents of ``dataset.json``, checked for the keys every set has."""
     path = root / "dataset.json"
-    try:
-        record: dict[str, Any] = json.loads(path.read_text())
-    except FileNotFoundError as error:
-        raise DatasetInvalid("dataset", "must hold dataset.json; an unfinished set has none", root) from error
-    except (OSError, ValueError) as error:
-        raise DatasetInvalid("dataset", "dataset.json must be readable JSON", f"{path}: {error}") from error
+    if not path.exists():
+        raise DatasetInvalid("dataset", "must hold dataset.json; an unfinished set has none", root)
+    record: dict[str, Any] = read_json(path, "dataset")
     for key in ("format_version", "name", "samples"):
         if not isinstance(record, dict) or key not in record:
             raise DatasetInvalid("dataset", f"dataset.json must have the key {key}", path)
@@ -109,7 +111,33 @@ def read_record(root: Path) -> dict[str, Any]:
     samples = record["samples"]
     if not isinstance(samples, dict) or any(not isinstance(samples.get(split), dict) for split in SPLITS):
         raise DatasetInvalid("dataset", "samples must map train and test to ids and hashes", path)
+    for split in SPLITS:
+        for sample_id, sha256 in samples[split].items():
+            if not is_plain_name(sample_id):
+                raise DatasetInvalid("dataset", f"an id {RULE}", repr(sample_id))
+            if not isinstance(sha256, str):
+                raise DatasetInvalid("dataset", f"the hash of {split}/{sample_id} must be text", repr(sha256))
+    if not isinstance(record["name"], str):
+        raise DatasetInvalid("dataset", "name must be text", repr(record["name"]))
     return record
+
+
+def read_json(path: Path, argument: str) -> Any:
+    """Return the value of a JSON file of a data set. Raises DatasetInvalid."""
+    try:
+        return parse_json(read_text(path, argument))
+    except Refused as error:
+        raise DatasetInvalid(argument, f"{path.name} {error.rule}", f"{error.value} in {path}") from error
+
+
+def read_text(path: Path, argument: str) -> str:
+    """Return the text of a file of a data set. Raises DatasetInvalid."""
+    try:
+        return read_bounded(path, LARGEST_TEXT).decode()
+    except Refused as error:
+        raise DatasetInvalid(argument, f"{path.name} {error.rule}", f"{error.value} in {path}") from error
+    except UnicodeDecodeError as error:
+        raise DatasetInvalid(argument, f"{path.name} must be text in UTF-8", path) from error
 
 
 def read_sample(folder: Path) -> Sample:
@@ -150,26 +178,24 @@ def view_file(folder: Path, view: str) -> Path:
 def _sample_record(folder: Path) -> dict[str, Any]:
     path = folder / "sample.json"
     try:
-        record = json.loads(path.read_text())
-        for key in ("focal_px", "baseline_mm"):
-            float(record["camera"][key])
+        record = read_json(path, "sample")
+        camera = record["camera"]
+        numbers = [float(camera[key]) for key in ("focal_px", "baseline_mm")] + [float(camera.get("doffs", 0.0))]
+        if not np.isfinite(numbers).all():
+            raise ValueError("they must be finite")
         return dict(record)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except DatasetInvalid:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         rule = "sample.json must be JSON with camera.focal_px and camera.baseline_mm"
         raise DatasetInvalid("sample", rule, f"{path}: {error!r}") from error
 
 
 def _decode(path: Path, mode: str) -> NDArray[Any]:
-    import cv2
-
     try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError as error:
-        raise DatasetInvalid("sample", f"{path.name} must be there and readable", path) from error
-    image = cv2.imdecode(data, getattr(cv2, mode)) if len(data) else None
-    if image is None:
-        raise DatasetInvalid("sample", f"{path.name} must be a picture", path)
-    return np.asarray(image)
+        return read_picture(path, mode)
+    except Refused as error:
+        raise DatasetInvalid("sample", f"{path.name} {error.rule}", f"{error.value} in {path}") from error
 
 
 def read_colours(path: Path) -> NDArray[np.uint8]:
@@ -207,6 +233,8 @@ def write_sample(root: Path, split: str, sample: Sample, extras: Extras | None =
 
     ``extras`` maps the names of further files to functions that write them at a path.
     """
+    if not is_plain_name(sample.id):
+        raise InvalidArgument("sample", f"its id {RULE}", repr(sample.id))
     final = root / split / sample.id
     with whole_folder(final, root) as folder:
         for name, image in _pictures(sample).items():

@@ -8,34 +8,42 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.bounded_read import Refused
 from endosdk.io.overview import overview
+from endosdk.io.picture_bytes import read_picture
 from endosdk.io.point_cloud import write_ply
+from endosdk.io.whole_files import whole_file
 from endosdk.runtime.result import DepthResult
 
 
 def read_frame(path: str | Path) -> npt.NDArray[np.uint8]:
-    """Read a picture file as RGB uint8 [H, W, 3]."""
+    """Read a picture file as RGB uint8 [H, W, 3]. Raises InvalidArgument where it is damaged, cut off or none."""
     import cv2
 
     path = Path(path)
-    if not path.is_file():
-        raise InvalidArgument("frame", "must be a picture file", repr(str(path)))
-    # As deep as it is stored: OpenCV would otherwise cut 16 bits down to 8, and with them most of a 12-bit camera's.
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
-    if picture is None:
-        raise InvalidArgument("frame", "must be a picture that OpenCV can read", repr(str(path)))
+    try:
+        # As deep as it is stored: OpenCV would otherwise cut 16 bits to 8, and with them most of a 12-bit camera's.
+        picture = read_picture(path, "IMREAD_COLOR|IMREAD_ANYDEPTH")
+    except Refused as error:
+        raise InvalidArgument("frame", error.rule, f"{error.value} in {str(path)!r}") from error
     if picture.dtype != np.uint8:
         raise InvalidArgument("frame", "must have 8 bits per channel", f"{picture.dtype} in {str(path)!r}")
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
 def write_picture(path: Path, picture: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> None:
-    """Write an RGB or single-channel picture, 8 or 16 bit; the name's ending chooses the format."""
+    """Write an RGB or single-channel picture, 8 or 16 bit, whole or not at all; the name's ending is the format."""
     import cv2
 
     bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR) if picture.ndim == 3 else picture
-    if not cv2.imwrite(str(path), bgr):
-        raise StorageFailed("out", "the picture must be writable (folder, space, ending)", str(path))
+    try:
+        done, data = cv2.imencode(path.suffix, bgr)
+    except cv2.error as error:
+        raise InvalidArgument("out", "must have the ending of a picture", repr(path.suffix)) from error
+    if not done:
+        raise InvalidArgument("out", "must be a picture that this format can hold", f"{picture.dtype} {picture.shape}")
+    with whole_file(path, "out") as stream:
+        stream.write(data.tobytes())
 
 
 def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthResult) -> dict[str, Path]:
@@ -77,10 +85,8 @@ def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
         written[name] = folder / name
     if result.depth_map is not None:
         written["depth.npy"] = folder / "depth.npy"
-        try:
-            np.save(written["depth.npy"], result.depth_map)
-        except OSError as error:
-            raise StorageFailed("out", "must be writable", error) from error
+        with whole_file(written["depth.npy"], "out") as stream:
+            np.save(stream, result.depth_map)
     return written
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.errors import InvalidArgument
+from endosdk.io.whole_files import whole_file
 
 
 def write_ply(path: str | Path, points: npt.NDArray[np.float32], colours: npt.NDArray[np.uint8] | None = None) -> int:
@@ -39,10 +40,7 @@ def write_ply(path: str | Path, points: npt.NDArray[np.float32], colours: npt.ND
         *(f"property {kinds[kind]} {name}" for name, kind in fields),
         "end_header",
     ]
-    try:
-        with Path(path).open("wb") as file:
-            file.write(("\n".join(header) + "\n").encode("ascii"))
-            vertices.tofile(file)
-    except OSError as error:
-        raise StorageFailed("path", "must be writable", error) from error
+    with whole_file(Path(path)) as file:
+        file.write(("\n".join(header) + "\n").encode("ascii"))
+        file.write(vertices.tobytes())
     return int(vertices.size)

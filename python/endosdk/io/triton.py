@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.whole_files import whole_file, write_text
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.session import StereoSession
 
@@ -24,15 +25,16 @@ def write_repository(model: str | Path, folder: str | Path) -> Path:
     file = read_model(model)
     session = StereoSession(file, threads=1)
     info = session.info
-    if not info.version.isdecimal() or int(info.version) < 1:
+    if not (info.version.isascii() and info.version.isdecimal()) or int(info.version) < 1:
         raise InvalidArgument("model", "must have a whole number as its version, as Triton wants", repr(info.version))
     home = Path(folder) / info.name
     try:
         (home / info.version).mkdir(parents=True, exist_ok=True)
-        (home / info.version / "model.onnx").write_bytes(file.data)
-        (home / "config.pbtxt").write_text(_configuration(session, info))
     except OSError as error:
         raise StorageFailed("triton", "the folder must be writable", error) from error
+    with whole_file(home / info.version / "model.onnx", "triton") as stream:
+        stream.write(file.data)
+    write_text(home / "config.pbtxt", _configuration(session, info), "triton")
     return home / "config.pbtxt"
 
 

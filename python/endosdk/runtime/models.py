@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
+from endosdk.io.bounded_read import is_there
+from endosdk.io.names import RULE, is_plain_name
 
 FORMAT_VERSION = "1"
 PREFIX = "endosdk."
@@ -79,7 +82,7 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
         )
         return read_model(twin)
     path = folder / entry["file"] if entry else Path(source)
-    if not path.is_file():
+    if not (is_there(path) and path.is_file()):
         names = ", ".join(sorted(_manifest(folder)))
         raise ModelNotFound("model", f"must be a file or one of the shipped names ({names})", repr(str(source)))
     data = path.read_bytes()
@@ -99,8 +102,10 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
         raise ModelMetadata("channel_order", "must be rgb", repr(order))
     try:
         training = json.loads(_required(metadata, "training"))
-    except json.JSONDecodeError as error:
-        raise ModelMetadata("training", "must be JSON", str(error)) from error
+    except (ValueError, RecursionError) as error:
+        raise ModelMetadata(PREFIX + "training", "must be JSON", str(error)) from error
+    if not isinstance(training, dict):
+        raise ModelMetadata(PREFIX + "training", "must be a JSON object", type(training).__name__)
     max_disparity = _positive(metadata, "max_disparity")
     max_candidate_disparity = _optional(metadata, "max_candidate_disparity")
     if max_candidate_disparity is not None and max_candidate_disparity > max_disparity:
@@ -110,7 +115,7 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
             max_candidate_disparity,
         )
     return ModelInfo(
-        name=_required(metadata, "name"),
+        name=_plain(metadata, "name"),
         version=_required(metadata, "version"),
         input_multiple=_positive(metadata, "input_multiple"),
         output_stride=_positive(metadata, "output_stride"),
@@ -144,9 +149,18 @@ def _required(metadata: Mapping[str, str], key: str) -> str:
     return value
 
 
+def _plain(metadata: Mapping[str, str], key: str) -> str:
+    """Return a name that may become that of a folder."""
+    name = _required(metadata, key)
+    if not is_plain_name(name):
+        raise ModelMetadata(PREFIX + key, RULE, repr(name))
+    return name
+
+
 def _positive(metadata: Mapping[str, str], key: str) -> int:
     text = _required(metadata, key)
-    if not text.isdecimal() or int(text) == 0:
+    # Nine digits: more than any side or disparity has, and few enough for every integer type of the library.
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) == 0:
         raise ModelMetadata(PREFIX + key, "must be a positive whole number", repr(text))
     return int(text)
 

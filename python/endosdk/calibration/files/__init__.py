@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from endosdk.calibration.files import foundationstereo, kalibr, native, opencv, ros, text_folder
 from endosdk.calibration.files.raw import RawCalibration, StatedRig, finish, read_text, yaml_mapping
 from endosdk.errors import CalibrationUnreadable, InvalidArgument
+from endosdk.io.bounded_read import is_there
 
 Reader = Callable[[tuple[Path, ...]], RawCalibration]
 
@@ -51,7 +51,6 @@ def recognise(paths: tuple[Path, ...]) -> str:
     if native.looks_like(text):
         return "endosdk"
     if first.suffix.lower() == ".json":
-        _check_json(first, text)
         return "opencv"
     if opencv.is_file_storage(first, text):
         return "opencv"
@@ -64,20 +63,13 @@ def recognise(paths: tuple[Path, ...]) -> str:
     raise CalibrationUnreadable(first.name, f"must be in a known layout ({', '.join(LAYOUTS)})", f"keys {list(keys)}")
 
 
-def _check_json(path: Path, text: str) -> None:
-    try:
-        json.loads(text)
-    except ValueError as error:
-        raise CalibrationUnreadable(path.name, "must be valid JSON", error) from error
-
-
 def _existing_paths(path: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
     parts: list[Any] = list(path) if isinstance(path, list | tuple) else [path]
     if not 1 <= len(parts) <= 2 or not all(isinstance(part, str | Path) for part in parts):
         raise InvalidArgument("path", "must be a file, a folder or a pair of files", repr(path))
     paths = tuple(Path(part) for part in parts)
     for part in paths:
-        if not part.exists():
+        if not is_there(part):
             raise CalibrationUnreadable("path", "must exist", part)
     if len(paths) == 2 and any(part.is_dir() for part in paths):
         raise InvalidArgument("path", "a pair must be two files", [str(part) for part in paths])

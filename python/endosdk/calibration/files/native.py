@@ -18,9 +18,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from endosdk.calibration.files.raw import StatedRig, read_text, required
+from endosdk.calibration.files.raw import StatedRig, read_text, refusal, required
 from endosdk.calibration.rules import check_size
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
+from endosdk.io.bounded_read import Refused
+from endosdk.io.documents import parse_json
 from endosdk.io.whole_files import write_text
 
 FORMAT = "endosdk-stereo-calibration"
@@ -49,9 +51,9 @@ def read(paths: tuple[Path, ...], *, size: tuple[int, int] | None = None, units:
 
 def _parse(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(read_text(path))
-    except ValueError as error:
-        raise CalibrationUnreadable(path.name, "must be valid JSON", error) from error
+        content = parse_json(read_text(path))
+    except Refused as error:
+        raise refusal(path, error) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         seen = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise CalibrationUnreadable(f"{path.name}: format", f"must be {FORMAT}", seen)

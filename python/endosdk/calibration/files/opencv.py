@@ -6,6 +6,7 @@ nested lists under the same names is read too.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.calibration.files.raw import RawCalibration, matrix, picture_size, read_text, yaml_mapping
+from endosdk.calibration.files.raw import RawCalibration, matrix, picture_size, read_text, refusal
 from endosdk.errors import CalibrationUnreadable
+from endosdk.io.bounded_read import Refused
+from endosdk.io.documents import parse_json, parse_opencv_xml, parse_yaml
 
 # Spellings are compared in lower case without separators. "k1" and "d1" are OpenCV's samples, "m1" its old ones.
 SPELLINGS: dict[str, tuple[str, ...]] = {
@@ -46,7 +49,7 @@ SHAPES = {
 
 
 def is_file_storage(path: Path, text: str) -> bool:
-    """Whether OpenCV's own parser is the one to read this; its YAML carries tags that others refuse."""
+    """Whether OpenCV wrote this, by its marks or by the file's ending."""
     tagged = any(mark in text for mark in ("opencv-matrix", "opencv-nd-matrix", "<opencv_storage>"))
     return tagged or path.suffix.lower() in (".xml", ".json")
 
@@ -88,8 +91,7 @@ def _field(key: str) -> str | None:
 
 def _fields(path: Path) -> dict[str, Any]:
     """Return what the file holds under our names, as arrays of the right shape."""
-    text = read_text(path)
-    content = _storage_values(path, text) if is_file_storage(path, text) else dict(yaml_mapping(path, text))
+    content = _content(path)
     found: dict[str, Any] = {}
     for key, value in content.items():
         name = _field(key)
@@ -97,29 +99,39 @@ def _fields(path: Path) -> dict[str, Any]:
             continue
         if name in found:
             raise CalibrationUnreadable(path.name, f"must state {name} once", f"a second one under {key}")
-        found[name] = matrix(path, key, value, SHAPES[name]) if name in SHAPES else value
+        plain = _value(path, key, value)
+        found[name] = matrix(path, key, plain, SHAPES[name]) if name in SHAPES else plain
     return found
 
 
-def _storage_values(path: Path, text: str) -> dict[str, Any]:
-    import cv2
-
-    # The Python binding lets some parser failures out as SystemError.
+def _content(path: Path) -> dict[str, Any]:
+    """Return the top level of a file in any of the three formats."""
+    text = read_text(path)
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        root = storage.root()
-        return {key: _node_value(root.getNode(key)) for key in root.keys() if _field(key) is not None}
-    except (cv2.error, SystemError) as error:
-        reason = str(error.__cause__ or error).strip().splitlines()[-1]
-        raise CalibrationUnreadable(path.name, "must be a file of OpenCV's FileStorage", reason) from error
+        if text.lstrip().startswith("<"):
+            return parse_opencv_xml(text)
+        content = parse_json(text) if path.suffix.lower() == ".json" else parse_yaml(text)
+    except Refused as error:
+        raise refusal(path, error) from error
+    if not isinstance(content, dict):
+        raise CalibrationUnreadable(path.name, "must be a mapping of names to values", type(content).__name__)
+    return content
 
 
-def _node_value(node: Any) -> Any:
-    if node.isMap():
-        return node.mat()
-    if node.isSeq():
-        return [_node_value(node.at(index)) for index in range(node.size())]
-    return node.string() if node.isString() else node.real()
+def _value(path: Path, key: str, value: Any) -> Any:
+    """Return the numbers of what OpenCV stores as a matrix or, in XML, as words; other values as they are."""
+    if isinstance(value, str) and len(value.split()) > 1:
+        return value.split()
+    if not isinstance(value, dict):
+        return value
+    rows_and_columns = value.get("sizes") or [value.get("rows"), value.get("cols")]
+    channels = re.match(r"\d*", str(value.get("dt", "")))
+    data = _value(path, key, value.get("data"))
+    count = math.prod(matrix(path, key, [rows_and_columns], (-1,)).tolist()) * int((channels and channels[0]) or 1)
+    flat = np.ravel(np.asarray(data, dtype=object))
+    if flat.size != count:
+        raise CalibrationUnreadable(f"{path.name}: {key}", f"must hold {count:g} numbers, as it states", flat.size)
+    return data
 
 
 def _size(path: Path, found: dict[str, Any]) -> tuple[int, int] | None:

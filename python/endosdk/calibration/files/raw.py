@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from endosdk.calibration.rules import CameraModel, check_size
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
+from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.io.documents import parse_yaml
 
 Matrix = npt.NDArray[np.float64]
 
@@ -107,15 +109,16 @@ def trim_distortion(coefficients: Matrix) -> Matrix:
 def read_text(path: Path) -> str:
     """Return a file's text. Raises `CalibrationUnreadable` when it cannot be a calibration file."""
     try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise CalibrationUnreadable(path.name, f"must be under {MAX_BYTES} bytes", "a larger file")
-        return data.decode("utf-8-sig")
+        return read_bounded(path, MAX_BYTES).decode("utf-8-sig")
+    except Refused as error:
+        raise refusal(path, error) from error
     except UnicodeDecodeError as error:
         raise CalibrationUnreadable(path.name, "must be text in UTF-8", "binary data") from error
-    except OSError as error:
-        raise CalibrationUnreadable(path.name, "must be readable", error.strerror) from error
+
+
+def refusal(path: Path, error: Refused) -> CalibrationUnreadable:
+    """Return the error of a calibration file that is read no further."""
+    return CalibrationUnreadable(path.name, error.rule, error.value)
 
 
 def read_numbers(path: Path) -> list[list[float]]:
@@ -127,25 +130,23 @@ def read_numbers(path: Path) -> list[list[float]]:
 
 
 def yaml_mapping(path: Path, text: str | None = None) -> Mapping[str, Any]:
-    """Return the top level of a plain YAML file, which must be a mapping."""
-    import yaml
-
+    """Return the top level of a YAML file, which must be a mapping; its scalars are text."""
     try:
-        content = yaml.safe_load(read_text(path) if text is None else text)
-    except yaml.YAMLError as error:
-        raise CalibrationUnreadable(path.name, "must be valid YAML", " ".join(str(error).split())) from error
+        content = parse_yaml(read_text(path) if text is None else text)
+    except Refused as error:
+        raise refusal(path, error) from error
     if not isinstance(content, dict):
         raise CalibrationUnreadable(path.name, "must be a mapping of names to values", type(content).__name__)
-    return {str(key): value for key, value in content.items()}
+    return content
 
 
 def matrix(path: Path, name: str, value: Any, shape: tuple[int, ...]) -> Matrix:
     """Return numbers, nested or flat, in ``shape``; -1 leaves a length open."""
     try:
-        # float() first: YAML 1.1 hands 1e-05, written without a point, over as text.
+        # float() first: YAML and XML hand numbers over as text.
         flat = np.array([float(part) for part in np.ravel(np.asarray(value, dtype=object))])
         return flat.reshape(shape)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise CalibrationUnreadable(f"{path.name}: {name}", f"must be numbers of shape {list(shape)}", value) from error
 
 
@@ -161,7 +162,7 @@ def picture_size(path: Path, width: Any, height: Any) -> tuple[int, int]:
     """Return (width, height) as positive ints, however the file's numbers were written."""
     try:
         sides = float(width), float(height)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", (width, height)) from error
     if any(side <= 0 or side != int(side) for side in sides if np.isfinite(side)) or not np.isfinite(sides).all():
         raise CalibrationUnreadable(f"{path.name}: size", "must be two positive whole numbers", sides)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import Sample, read_colours, read_disparity
+from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_text
 from endosdk.datasets.layouts.public import PublicReader
 from endosdk.errors import DatasetInvalid
 
@@ -82,7 +82,9 @@ class KittiReader(PublicReader):
 
 def _projection(path: Path, key: str) -> NDArray[np.float64]:
     try:
-        lines = dict(line.split(":", 1) for line in path.read_text().splitlines() if ":" in line)
+        lines = dict(line.split(":", 1) for line in read_text(path, "sample").splitlines() if ":" in line)
         return np.array([float(word) for word in lines[key].split()]).reshape(3, 4)
-    except (OSError, ValueError, KeyError) as error:
+    except DatasetInvalid:
+        raise
+    except (ValueError, KeyError) as error:
         raise DatasetInvalid("sample", f"{path.name} must hold the twelve numbers of {key}", f"{error!r}") from error

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import Sample, find_occlusion, read_colours, read_gray
+from endosdk.datasets.dataset import Sample, find_occlusion, read_colours, read_gray, read_text
 from endosdk.datasets.layouts.pfm import read_pfm
 from endosdk.datasets.layouts.public import PublicReader
 from endosdk.errors import DatasetInvalid
@@ -69,8 +69,10 @@ def _known(disparity: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _calibration(path: Path) -> dict[str, float]:
     try:
-        lines = dict(line.split("=", 1) for line in path.read_text().splitlines() if "=" in line)
+        lines = dict(line.split("=", 1) for line in read_text(path, "sample").splitlines() if "=" in line)
         focal = float(lines["cam0"].strip().lstrip("[").split()[0])
         return {"focal": focal, "baseline": float(lines["baseline"]), "doffs": float(lines["doffs"])}
-    except (OSError, ValueError, KeyError, IndexError) as error:
+    except DatasetInvalid:
+        raise
+    except (ValueError, KeyError, IndexError) as error:
         raise DatasetInvalid("sample", f"{path} must hold cam0, doffs and baseline", f"{error!r}") from error

@@ -9,16 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.errors import DatasetInvalid
+from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.io.picture_bytes import LARGEST_FILE
 
-_HEADER = re.compile(rb"Pf\s+(\d+)\s+(\d+)\s+(-?[\d.]+(?:[eE][-+]?\d+)?)\s")
+_HEADER = re.compile(rb"Pf\s+(\d{1,9})\s+(\d{1,9})\s+(-?[\d.]+(?:[eE][-+]?\d+)?)\s")
 
 
 def read_pfm(path: Path) -> NDArray[np.float32]:
     """Read a map of one channel as float32 [H, W], top row first. Raises DatasetInvalid when it is none."""
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DatasetInvalid("sample", f"{path.name} must be there and readable", path) from error
+        data = read_bounded(path, LARGEST_FILE)
+    except Refused as error:
+        raise DatasetInvalid("sample", f"{path.name} {error.rule}", f"{error.value} in {path}") from error
     header = _HEADER.match(data)
     if header is None:
         raise DatasetInvalid("sample", f"{path.name} must be a PFM of one channel", data[:16])

@@ -9,7 +9,6 @@ video's frames are samples too; their points come from the keyframe by the camer
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,8 @@ from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
 from endosdk.datasets.dataset import Sample, read_colours
 from endosdk.datasets.layouts.public import PublicReader
 from endosdk.errors import DatasetInvalid
+from endosdk.io.bounded_read import Refused
+from endosdk.io.picture_bytes import read_picture
 
 _TEST_SETS = (8, 9)  # of the challenge
 _SAME_SURFACE_PX = 0.5
@@ -75,10 +76,11 @@ class ScaredReader(PublicReader):
 
 
 def _read_points(path: Path) -> NDArray[np.float32]:
-    import cv2
-
-    points: Any = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.exists() else None
-    if points is None or points.dtype != np.float32 or points.ndim != 3 or points.shape[2] != 3:
+    try:
+        points = read_picture(path, "IMREAD_UNCHANGED")
+    except Refused as error:
+        raise DatasetInvalid("sample", f"{path.name} {error.rule}", f"{error.value} in {path}") from error
+    if points.dtype != np.float32 or points.ndim != 3 or points.shape[2] != 3:
         raise DatasetInvalid("sample", f"{path.name} must be a float32 picture of x, y, z", path)
     return np.asarray(points[..., ::-1])  # OpenCV turns the order of channels
 

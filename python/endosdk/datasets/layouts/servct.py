@@ -6,14 +6,13 @@ reference folder with ``Disparity``, ``DepthL`` and ``OcclusionL``, all named by
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import Sample, read_colours, read_disparity
+from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_json
 from endosdk.datasets.layouts.public import PublicReader
 from endosdk.errors import DatasetInvalid
 
@@ -71,9 +70,11 @@ class ServCtReader(PublicReader):
 
 def _projections(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     try:
-        record = json.loads(path.read_text())
+        record = read_json(path, "sample")
         return _matrix(record["P1"]), _matrix(record["P2"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except DatasetInvalid:
+        raise
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         rule = f"{path.name} must be JSON with the projections P1 and P2, 3x4"
         raise DatasetInvalid("sample", rule, f"{error!r}") from error
 

@@ -1,0 +1,46 @@
+"""Read a whole file that a stranger may have made: a regular one, of bounded size, under any name."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+
+class Refused(Exception):
+    """Content that is read no further: the ``rule`` it breaks and the ``value`` seen. Callers raise their own error."""
+
+    def __init__(self, rule: str, value: object) -> None:
+        self.rule = rule
+        self.value = value
+        super().__init__(f"{rule}; got {value}")
+
+
+def is_there(path: Path) -> bool:
+    """Whether something has this path; unlike ``Path.exists`` for any name and for folders that are shut."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def read_bounded(path: Path, limit: int) -> bytes:
+    """Return the bytes of a regular file of at most ``limit`` bytes.
+
+    A named pipe, a socket and a device are refused before anything is read from them: they may never end, or never
+    begin. Raises `Refused`, also where the file cannot be opened.
+    """
+    try:
+        # Without O_NONBLOCK the opening of a pipe that nobody writes to would wait for ever.
+        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(handle, "rb") as stream:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise Refused("must be a regular file", "a pipe, a socket or a device")
+            data = stream.read(limit + 1)
+    except FileNotFoundError as error:
+        raise Refused("must be there", "no such file") from error
+    except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
+        raise Refused("must be readable", getattr(error, "strerror", None) or error) from error
+    if len(data) > limit:
+        raise Refused(f"must have at most {limit} bytes", "a larger file")
+    return data
