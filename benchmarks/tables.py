@@ -17,14 +17,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import onnx
+
 from endosdk import _core
+from endosdk.runtime.models import shipped_models
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 DOCUMENTS = (
     "README.md",
+    "models/accurate.md",
+    "models/fast-320.md",
     "models/fast.md",
     "models/wang2020.md",
+    "docs/numbers.md",
     "docs/c-library.md",
     "docs/datasets/endosim-gi.md",
     "docs/model-file.md",
@@ -50,6 +56,11 @@ SPEEDS = {  # on a processor with VNNI
     "fast-fp32": "fast-fp32, 960 x 720, 2",
     "wang2020": "wang2020, 960 x 720, 2",
 }
+SHORT_SPEEDS = {
+    "fast": "fast, 960 x 720, VNNI",
+    "fast_1920x1080": "fast, 1920 x 1080, VNNI",
+    "avx2_fast-320": "fast-320, 960 x 720, AVX2 alone",
+}
 AVX2_SPEEDS = {  # on one without
     "avx2_fast": "fast, 960 x 720, 2",
     "avx2_fast-320": "fast-320, 960 x 720, 2",
@@ -61,7 +72,20 @@ AVX2_SPEEDS = {  # on one without
     "avx2_wang2020": "wang2020, 960 x 720, 2",
 }
 
-# Pairs of the agreement record, from good ones to those that no answer should come of.
+TEST_SETS = {  # record and label, for the tables of one model
+    "accuracy/accuracy": "`endosim-gi`, rendered, 100 pairs",
+    "accuracy/accuracy_cycles": "`endosim-gi-cycles`, path-traced, 60 pairs",
+    "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoiled pictures, 100 pairs",
+    "accuracy/accuracy_middlebury": "Middlebury, real indoor pairs, 26",
+}
+# Focal length over frame width and baseline in mm of three published rigs.
+RIGS = {
+    "a da Vinci (f/w 0.96, 4.1 mm)": (0.96, 4.1),
+    "a 3-D laparoscope (f/w 1.05, 4.8 mm)": (1.05, 4.8),
+    "the paper's rig (f/w 0.42, 10 mm)": (0.42, 10.0),
+}
+
+# Pairs of the photometric consistency record, from good ones to those that no answer should come of.
 PAIRS = {
     "right_pairs": "right pairs of `endosim-gi`",
     "bad_light/a sixteenth of the light": "one of them with a sixteenth of the light",
@@ -80,7 +104,7 @@ PAIRS = {
 def accuracy_table(record: str = "accuracy/accuracy") -> str:
     """Errors of our models and StereoSGBM on the test pairs."""
     scores = _record(record)["methods"]
-    heads = ["method", "EPE, px", "over 1 px", "over 3 px", "answered"]
+    heads = ["method", "EPE, px", "over 1 px", "over 3 px", "coverage"]
     heads += ["EPE, non-occluded", "over 1 px, non-occluded", "depth error"]
     rows = []
     for name, label in METHODS.items():
@@ -93,14 +117,36 @@ def accuracy_table(record: str = "accuracy/accuracy") -> str:
     return _table(heads, rows)
 
 
+def short_accuracy_table() -> str:
+    """What a reader wants to know first: error of our 8-bit models and StereoSGBM on the test pairs."""
+    scores = _record("accuracy/accuracy")["methods"]
+    rows = []
+    for name in ("fast", "fast-320", "accurate", "wang2020", "sgbm-filled"):
+        whole = scores[name]["all"]
+        rows.append(
+            [METHODS[name], f"{whole['epe_px']:.2f} px", _percent(whole["kpe_3"]), _percent(whole["depth_relative"])]
+        )
+    return _table(["method", "mean error", "over 3 px", "depth error"], rows)
+
+
+def short_speed_table() -> str:
+    """What a reader wants to know first: frame rates of our models, each with StereoSGBM in the same run."""
+    rows = []
+    for name, label in SHORT_SPEEDS.items():
+        run = _record(f"speed/{name}")
+        rates = (run["fps"], run["stream_fps"], run["against"]["sgbm"]["fps"])
+        rows.append([label, *(f"{rate:.0f}" for rate in rates)])
+    return _table(["model, frames", "`predict`, FPS", "`stream`, FPS", "StereoSGBM, FPS"], rows)
+
+
 def speed_table(runs: dict[str, str]) -> str:
     """Frame rates of our models, each with StereoSGBM in the same run; record and label of every run."""
     rows = []
     for name, label in runs.items():
         run = _record(f"speed/{name}")
-        delay, rival = run["latency_ms"], run["against"]["sgbm"]["fps"]
+        delay, sgbm = run["latency_ms"], run["against"]["sgbm"]["fps"]
         rates = [f"{run['fps']:.1f}", f"{run['stream_fps']:.1f}"]
-        rows.append([label, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{rival:.1f}"])
+        rows.append([label, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{sgbm:.1f}"])
     heads = ["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99", "StereoSGBM, FPS"]
     return _table(heads, rows)
 
@@ -114,6 +160,35 @@ def photometric_consistency_table() -> str:
         shares = found[group][name] if name else found[group]
         rows.append([label, *(_percent(shares[f"valid_{rule}"]) for rule in ("without", "with"))])
     return _table(["pair", "without this rule", "with it"], rows)
+
+
+def errors_table(model: str) -> str:
+    """Errors of one model on every test set that has a record."""
+    rows = []
+    for record, label in TEST_SETS.items():
+        if not (RESULTS / f"{record}.json").is_file() or model not in _record(record)["methods"]:
+            continue
+        scores = _record(record)["methods"][model]
+        whole, seen = scores["all"], scores["non_occluded"]
+        shares = [_percent(whole[key]) for key in ("kpe_1", "kpe_3")]
+        rows.append(
+            [label, f"{whole['epe_px']:.3f}", *shares, f"{seen['epe_px']:.3f}", _percent(whole["depth_relative"])]
+        )
+    return _table(
+        ["test set", "EPE, px", "over 1 px", "over 3 px", "EPE where both views see, px", "depth error"], rows
+    )
+
+
+def range_table(model: str) -> str:
+    """The nearest depth that one model sees on real rigs, from its own metadata."""
+    facts = {entry.key: entry.value for entry in onnx.load(shipped_models()[model]).metadata_props}
+    # Half a pixel before the last candidate a pixel counts as out of range.
+    end = int(facts["endosdk.max_candidate_disparity"]) - _core.range_margin
+    share = end / int(facts["endosdk.inference_width"])
+    rows = [[f"range of disparities, % of the width | 0 to {100 * share:.1f}"]]
+    for label, (focal, baseline) in RIGS.items():
+        rows.append([f"nearest depth on {label} | {focal * baseline / share:.0f} mm"])
+    return _table(["what", "value"], rows)
 
 
 def range_end_table() -> str:
@@ -141,6 +216,8 @@ def versions_table(versions: dict[str, Any]) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
+    "short-accuracy": short_accuracy_table,
+    "short-speed": short_speed_table,
     "accuracy-cycles": partial(accuracy_table, "accuracy/accuracy_cycles"),
     "accuracy-near": partial(accuracy_table, "accuracy/accuracy_near"),
     "speed": partial(speed_table, SPEEDS),
@@ -149,6 +226,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "range-end": range_end_table,
     "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
 }
+
+
+TABLES |= {f"errors:{name}": partial(errors_table, name) for name in ("fast", "fast-320", "accurate", "wang2020")}
+TABLES |= {f"range:{name}": partial(range_table, name) for name in ("fast", "fast-320", "accurate")}
 
 
 def filled(text: str) -> str:
