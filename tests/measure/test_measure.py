@@ -1,0 +1,153 @@
+"""Lengths and areas with standard errors, against rendered truth and against sums by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, DepthResult, StereoCalibration
+from endosdk.datasets.dataset import read_disparity
+from endosdk.errors import CalibrationRequired, InvalidArgument
+from endosdk.io.pictures import read_frame
+from endosdk.measure import area, distance, path_length, point_at
+from endosdk.measure.correlation import correlation_length
+from endosdk.runtime.result import Reason
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
+
+DEMO = ROOT / "examples" / "data"
+
+
+@pytest.fixture(scope="module")
+def demo() -> tuple[DepthResult, DepthResult]:
+    """The answer for the rendered pair, and the same with the true depth in its place."""
+    rig = StereoCalibration.load(DEMO / "rig.json")
+    estimator = DepthEstimator("fast", calibration=rig)
+    result = estimator.predict(read_frame(DEMO / "demo" / "left.png"), read_frame(DEMO / "demo" / "right.png"))
+    return result, with_truth(result, read_disparity(DEMO / "demo" / "disparity.png"))
+
+
+def with_truth(result: DepthResult, disparity: np.ndarray) -> DepthResult:
+    g = result.geometry
+    assert g is not None
+    true = (g.focal_px * g.baseline_mm / (disparity + g.doffs)).astype(np.float32)
+    return replace(result, depth_map=np.where(np.isfinite(result.depth), true, np.nan))
+
+
+@pytest.fixture(scope="module")
+def plane() -> DepthResult:
+    """A plane straight ahead, 100 mm away: 200 px focal length, 5 mm baseline, 10 px."""
+    rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96))
+    result = DepthEstimator(str(TINY_MODEL), calibration=rig).predict(*shifted_pair(96, 160, 10))
+    depth = np.full_like(result.depth, 100.0)
+    return replace(result, depth_map=depth, sigma_map=np.full_like(depth, 0.5), reasons=np.zeros_like(result.reasons))
+
+
+def interval_hits(result, truth, lengths, count=300, seed=1):
+    """Share of random distances whose 95 % interval holds the true one."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.nonzero(np.isfinite(result.depth) & np.isfinite(truth.depth))
+    hits = []
+    while len(hits) < count:
+        i = rng.integers(len(rows))
+        p = int(columns[i]), int(rows[i])
+        turn, far = rng.uniform(0, 2 * np.pi), rng.uniform(*lengths)
+        q = round(p[0] + far * np.cos(turn)), round(p[1] + far * np.sin(turn))
+        try:
+            found, true = distance(result, p, q), distance(truth, p, q)
+        except InvalidArgument:  # outside, or without depth
+            continue
+        hits.append(found.interval[0] <= true.value <= found.interval[1])
+    return float(np.mean(hits))
+
+
+def test_intervals_hold_the_true_distances_of_a_rendered_scene(demo):
+    assert 0.90 <= interval_hits(*demo, lengths=(20, 250)) <= 0.99
+
+
+def test_intervals_hold_the_true_areas_of_a_rendered_scene(demo):
+    result, truth = demo
+    rng = np.random.default_rng(2)
+    hits = []
+    while len(hits) < 40:
+        middle, radius = rng.uniform((100, 100), (860, 620)), rng.uniform(20, 80)
+        outline = [
+            tuple(middle + radius * np.array([np.cos(a), np.sin(a)])) for a in np.linspace(0, 2 * np.pi, 12)[:-1]
+        ]
+        found = area(result, outline)
+        if found.coverage > 0.9:
+            low, high = found.flat.interval
+            hits.append(low <= area(truth, outline).flat.value <= high)
+    assert np.mean(hits) >= 0.85
+
+
+def test_points_lie_where_the_result_puts_them(demo):
+    result, _ = demo
+    rows, columns = np.nonzero(np.isfinite(result.depth))
+    for i in range(0, len(rows), len(rows) // 20):
+        point = point_at(result, columns[i], rows[i])
+        assert point.xyz == pytest.approx(result.points()[rows[i], columns[i]], rel=1e-5)
+        assert point.depth.standard_error == pytest.approx(float(result.sigma[rows[i], columns[i]]), rel=1e-6)
+        assert np.linalg.matrix_rank(point.covariance, tol=1e-9) == 1  # all of the error is along the line of sight
+
+
+def test_a_distance_along_the_plane_by_hand(plane):
+    found = distance(plane, (40, 40), (80, 40))
+    assert found.value == pytest.approx(40 * 100 / 200)
+    assert found.unit == "mm"
+    low, high = found.interval
+    assert low < found.value < high
+    assert "95 % within" in str(found)
+
+
+def test_errors_of_a_distance_equal_those_of_drawn_depths(plane):
+    # Depths drawn with the stated errors and correlation: the lengths spread as far as the standard error says.
+    pixels = [(30, 30), (50, 34), (52, 60)]
+    length_px = correlation_length(plane)
+    apart = np.linalg.norm(np.subtract.outer(np.array(pixels)[:, 0], np.array(pixels)[:, 0])[..., None], axis=2)
+    apart = np.hypot(apart, np.subtract.outer(np.array(pixels)[:, 1], np.array(pixels)[:, 1]))
+    drawn = np.random.default_rng(0).multivariate_normal([100.0] * 3, 0.25 * np.exp(-apart / length_px), 4000)
+    rays = np.array([((x - 79.5) / 200, (y - 47.5) / 200, 1) for x, y in pixels])
+    points = drawn[..., None] * rays
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+    assert path_length(plane, pixels).standard_error == pytest.approx(lengths.std(), rel=0.1)
+
+
+def test_area_of_a_square_on_the_plane(plane):
+    found = area(plane, [(40, 30), (80, 30), (80, 60), (40, 60)])
+    assert found.flat.value == pytest.approx(20 * 15, rel=1e-6)
+    assert found.flat.unit == "mm²"
+    assert found.relief.value == pytest.approx(0, abs=1e-3)
+    assert found.coverage == 1
+    # All depths too large by their standard error would make it larger by 2 * 0.5 %; some of that averages out.
+    assert 0.2 < found.flat.standard_error / (20 * 15 * 0.01) < 1.5
+
+
+def test_relief_of_a_step(plane):
+    depth = plane.depth.copy()
+    depth[40:50, 50:70] -= 4
+    found = area(replace(plane, depth_map=depth), [(40, 30), (80, 30), (80, 60), (40, 60)])
+    assert found.relief.value == pytest.approx(4, abs=0.6)
+
+
+def test_pixels_without_depth_are_refused_with_the_reason(plane):
+    depth, reasons = plane.depth.copy(), plane.reasons.copy()
+    depth[20, 20], reasons[20, 20] = np.nan, Reason.SATURATED
+    result = replace(plane, depth_map=depth, reasons=reasons)
+    with pytest.raises(InvalidArgument, match="SATURATED"):
+        point_at(result, 20, 20)
+    with pytest.raises(InvalidArgument, match="160x96"):
+        distance(result, (10, 10), (160, 10))
+    with pytest.raises(InvalidArgument, match="two or more"):
+        path_length(result, [(1, 1)])
+    with pytest.raises(InvalidArgument, match="three pixels"):
+        area(result, [(1, 1), (5, 5)])
+    with pytest.raises(InvalidArgument, match="30 pixels"):
+        area(result, [(1, 1), (3, 1), (3, 3)])
+
+
+def test_measuring_needs_a_rig():
+    result = DepthEstimator(str(TINY_MODEL)).predict(*shifted_pair(64, 96, 8))
+    with pytest.raises(CalibrationRequired):
+        point_at(result, 5, 5)
