@@ -75,6 +75,8 @@ def test_the_two_views_share_the_principal_point_that_was_drawn() -> None:
         ("renderer", {"organ": "shapes", "renderer": "cycles"}),
         ("organ", {"organ": "shapes", "rig": "raw"}),
         ("organ", {"organ": "shapes", "frames": 2}),
+        ("organ", {"organ": "lap", "rig": "raw"}),
+        ("organ", {"organ": "lap", "frames": 2}),
         ("effects", {"organ": "shapes", "effects": Effects(chroma=True)}),
     ],
 )

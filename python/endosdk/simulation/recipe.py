@@ -11,7 +11,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.effects import Effects
 from endosdk.simulation.sample import Limits
-from endosdk.simulation.scene import SHAPES, check_organ
+from endosdk.simulation.scene import LAP, SHAPES, check_organ
 
 # Seeds of one set: training from the start of its block, testing from the middle, so that they never meet.
 SEED_BLOCK = 1_000_000
@@ -50,6 +50,8 @@ class Recipe:
             raise InvalidArgument("aspect", "can be drawn only with the rig", self.rig)
         if self.faults and (self.rig == "raw" or self.frames):
             raise InvalidArgument("faults", "are those of single pairs of an ideal or a drawn rig", self.rig)
+        if self.organ in (LAP, SHAPES) and (self.rig == "raw" or self.frames):
+            raise InvalidArgument("organ", "lap and shapes are single pairs of an ideal or a drawn rig", self.organ)
         if self.organ == SHAPES:
             self._check_shapes()
         self._check_counts()
@@ -83,8 +85,6 @@ class Recipe:
         """Raise InvalidArgument for what scenes of objects do not have."""
         if self.renderer != "gl":
             raise InvalidArgument("renderer", "must be gl for shapes", self.renderer)
-        if self.rig == "raw" or self.frames:
-            raise InvalidArgument("organ", "shapes are single pairs of an ideal or a drawn rig", self.organ)
         if self.effects != Effects():
             raise InvalidArgument("effects", "those of organs must be left out for shapes", self.effects.described())
 

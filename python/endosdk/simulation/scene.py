@@ -78,6 +78,8 @@ def check_organ(name: str) -> None:
 def draw_scene(seed: int, organ: str) -> Scene:
     """Draw the scene of this seed; ``organ`` is one of `ORGANS`, or of `MIXTURES` to let the seed choose."""
     check_organ(organ)
+    if organ == SHAPES:
+        raise InvalidArgument("organ", "shapes hold no organ", organ)
     if seed < 0:
         raise InvalidArgument("seed", "must not be negative", seed)
     chooser = np.random.default_rng((seed, 0))
