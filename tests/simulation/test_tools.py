@@ -38,7 +38,7 @@ def samples(renderer: Rasteriser) -> list[Sample]:
 def test_every_instrument_is_made_of_sound_meshes(name: str) -> None:
     for part in pieces.ENDS[name][1](np.random.default_rng(3)) + pieces.shaft(np.random.default_rng(4)):
         assert part.material in TONES
-        mesh = mesh_of(part.patches, 1.0, None)
+        mesh = mesh_of(part.patches, 1.0, np.zeros(3))
         assert np.isfinite(mesh.positions).all()
         corners = mesh.positions[mesh.triangles]
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

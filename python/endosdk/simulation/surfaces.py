@@ -12,10 +12,24 @@ from endosdk.simulation.geometry import Mesh
 
 @dataclass(frozen=True)
 class Patches:
-    """``points`` [N,R,C,3] of N grids; ``closed`` where they bound a body, with normals that point out of it."""
+    """``points`` [N,R,C,3] of N grids.
+
+    Where they bound a body, ``outward`` [N] says on which side of each grid, 1 or -1, the outside lies. A rotation
+    keeps it.
+    """
 
     points: Floats
-    closed: bool
+    outward: Floats | None = None
+
+    def moved(self, points: Floats) -> Patches:
+        """Return the same patches with other points: turned, stretched, shifted, but not mirrored."""
+        return Patches(points, self.outward)
+
+
+def bounding(points: Floats, inside: Floats) -> Patches:
+    """Return grids [N,R,C,3] that bound bodies; ``inside`` (broadcast to them) are points behind each of theirs."""
+    towards_outside = ((points - inside) * _normals(points)).sum(-1).sum((1, 2))
+    return Patches(points, np.where(towards_outside < 0, -1.0, 1.0))
 
 
 def sheet(rng: np.random.Generator) -> Patches:
@@ -25,11 +39,11 @@ def sheet(rng: np.random.Generator) -> Patches:
     v = v * rng.uniform(0.3, 1.0)
     kind = int(rng.integers(3))
     if kind == 0:
-        return Patches(np.stack([u, v, np.zeros_like(u)], -1)[None], closed=False)
+        return Patches(np.stack([u, v, np.zeros_like(u)], -1)[None])
     if kind == 1:
         turn = rng.uniform(0.5, 2.5)
-        return Patches(np.stack([np.sin(turn * u) / turn, v, (1 - np.cos(turn * u)) / turn], -1)[None], closed=False)
-    return Patches(np.stack([u, v, waves(rng, u, v)], -1)[None], closed=False)
+        return Patches(np.stack([np.sin(turn * u) / turn, v, (1 - np.cos(turn * u)) / turn], -1)[None])
+    return Patches(np.stack([u, v, waves(rng, u, v)], -1)[None])
 
 
 def waves(rng: np.random.Generator, u: Floats, v: Floats) -> Floats:
@@ -54,7 +68,7 @@ def boxes(centres: Floats, halves: Floats) -> Patches:
             faces.append(face)
     unit = np.stack(faces)
     points = centres[:, None, None, None] + halves[:, None, None, None] * unit[None]
-    return Patches(points.reshape(-1, side, side, 3), closed=True)
+    return bounding(points.reshape(-1, side, side, 3), np.repeat(centres, 6, axis=0)[:, None, None])
 
 
 def box(rng: np.random.Generator) -> Patches:
@@ -79,7 +93,7 @@ def body(rng: np.random.Generator) -> Patches:
     ball = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], -1)
     points = np.sign(ball) * np.abs(ball) ** rng.uniform(0.3, 1.2)
     swell = 1.0 + rng.uniform(0.0, 0.35) * np.sin(ball @ rng.normal(0, 2.5, 3) + rng.uniform(0, 6))
-    return Patches((points * swell[..., None] * rng.uniform(0.35, 1.0, 3))[None], closed=True)
+    return bounding((points * swell[..., None] * rng.uniform(0.35, 1.0, 3))[None], np.zeros(3))
 
 
 def plate(rng: np.random.Generator) -> Patches:
@@ -96,7 +110,6 @@ def plate(rng: np.random.Generator) -> Patches:
     stretch = rng.uniform(0.3, 1.0)
     return Patches(
         np.stack([radius * np.cos(turn), stretch * radius * np.sin(turn), np.zeros_like(radius)], -1)[None],
-        closed=False,
     )
 
 
@@ -111,7 +124,7 @@ def sweep(centre: Floats, radius: Floats, sides: int) -> Patches:
     other = np.cross(along, side)
     turn = np.linspace(0, 2 * np.pi, sides + 1)
     ring = np.cos(turn)[:, None] * side[:, :, None] + np.sin(turn)[:, None] * other[:, :, None]
-    return Patches(centre[:, :, None] + radius[:, :, None, None] * ring, closed=True)
+    return bounding(centre[:, :, None] + radius[:, :, None, None] * ring, centre[:, :, None])
 
 
 def rod(rng: np.random.Generator) -> Patches:
@@ -160,33 +173,20 @@ def net(rng: np.random.Generator) -> Patches:
     return sweep(centre, np.full(centre.shape[:2], thick), 6)
 
 
-def terrain(rng: np.random.Generator) -> Patches:
-    """Draw a rough floor."""
-    side = 64
-    u, v = np.meshgrid(np.linspace(-1, 1, side), np.linspace(-1, 1, side))
-    relief = waves(rng, u, v) + 0.3 * waves(rng, 4 * u, 4 * v)
-    return Patches(np.stack([u, v, relief * rng.uniform(0.3, 1.5)], -1)[None], closed=False)
-
-
-def mesh_of(patches: Patches, tile_mm: float, facing: Floats | None) -> Mesh:
+def mesh_of(patches: Patches, tile_mm: float, facing: Floats) -> Mesh:
     """Return the mesh of patches that stand where they shall, in mm; one texture covers ``tile_mm`` both ways.
 
-    Open patches turn their normals towards the point ``facing``, closed ones away from their own middle.
+    Open patches turn their normals towards the point ``facing``.
     """
     points = patches.points
-    along_v, along_u = np.gradient(points, axis=1), np.gradient(points, axis=2)
-    normals = np.cross(along_u, along_v)
+    normals = _normals(points)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
-    if not patches.closed and facing is not None:
-        normals = (
-            normals * np.where(((facing - points) * normals).sum(-1).mean((1, 2)) < 0, -1.0, 1.0)[:, None, None, None]
-        )
-    elif patches.closed:
-        outwards = points - points.mean(axis=2, keepdims=True)
-        if points.shape[1] == points.shape[2] == 5:  # the faces of boxes, six by six
-            middle = points.reshape(-1, 6, 5, 5, 3).mean(axis=(1, 2, 3))
-            outwards = points - np.repeat(middle, 6, axis=0)[:, None, None]
-        normals = normals * np.where((outwards * normals).sum(-1).sum((1, 2)) < 0, -1.0, 1.0)[:, None, None, None]
+    if patches.outward is not None:
+        side = patches.outward
+    else:
+        side = np.where(((facing - points) * normals).sum(-1).mean((1, 2)) < 0, -1.0, 1.0)
+    normals = normals * side[:, None, None, None]
+    along_u = np.gradient(points, axis=2)
     count, rows, columns = points.shape[:3]
     uv = np.stack([_travelled(points, 2), _travelled(points, 1)], -1)
     uv = uv + 7.3 * tile_mm * np.arange(count)[:, None, None, None] * np.array([0.37, 0.61])  # no two patches alike
@@ -203,6 +203,10 @@ def mesh_of(patches: Patches, tile_mm: float, facing: Floats | None) -> Mesh:
         np.ascontiguousarray(triangles),
         (tile_mm, tile_mm),
     )
+
+
+def _normals(points: Floats) -> Floats:
+    return np.cross(np.gradient(points, axis=2), np.gradient(points, axis=1))
 
 
 def _travelled(points: Floats, axis: int) -> Floats:

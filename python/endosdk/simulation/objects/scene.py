@@ -107,7 +107,7 @@ def _placed_object(rng: np.random.Generator, rig: Rig) -> tuple[str, Patches, fl
     nearest = rig.camera.focal_px * rig.camera.baseline_mm / rig.nearest
     closest = max(float(points[..., 2].min()), 0.02 * distance)
     points = points * max(1.0, nearest / closest)
-    return name, Patches(points, patches.closed), distance * max(1.0, nearest / closest)
+    return name, patches.moved(points), distance * max(1.0, nearest / closest)
 
 
 def _turn(rng: np.random.Generator) -> Floats:
@@ -137,7 +137,7 @@ def _walls(rng: np.random.Generator, rig: Rig, kind: str) -> Iterator[tuple[Patc
         half = half * rng.uniform(0.55, 1.1, 3) + np.array([0, 0, distance])
         turn = np.linalg.qr(np.eye(3) + 0.12 * rng.normal(size=(3, 3)))[0]
         turn = turn * np.sign(np.diag(turn))
-        yield Patches(surfaces.boxes(np.zeros((1, 3)), half[None]).points @ turn, closed=False), distance
+        yield Patches(surfaces.boxes(np.zeros((1, 3)), half[None]).points @ turn), distance
 
 
 def _plane(rng: np.random.Generator, rig: Rig, middle: float, change: float, relief: float) -> tuple[Patches, float]:
@@ -170,4 +170,4 @@ def _plane(rng: np.random.Generator, rig: Rig, middle: float, change: float, rel
         scale = 0.4 * float(origin[2]) * camera.width / camera.focal_px
         bumps = surfaces.waves(rng, u / scale, v / scale) + 0.4 * surfaces.waves(rng, 3 * u / scale, 3 * v / scale)
         points = points + (relief * float(origin[2]) * bumps)[..., None] * unit
-    return Patches(points[None], closed=False), float(origin[2])
+    return Patches(points[None]), float(origin[2])

@@ -22,7 +22,7 @@ class Piece:
 
     def moved(self, turn: Floats, shift: Floats) -> Piece:
         """Return the part after a rotation 3x3 and a shift."""
-        return Piece(Patches(self.patches.points @ turn.T + shift, self.patches.closed), self.material)
+        return Piece(self.patches.moved(self.patches.points @ turn.T + shift), self.material)
 
 
 def line(points: Floats, radius: float | Floats, sides: int = 12) -> Patches:
@@ -106,9 +106,7 @@ def scissors(rng: np.random.Generator) -> list[Piece]:
         blade = boxes(np.array([[-0.5 * length, 0, 0.12 * sign]]), np.array([[0.5 * length, 0.4, 0.1]]))
         points = _tapered(blade, length, 0.85).points.copy()
         points[..., 2] += bend * points[..., 0] ** 2
-        pieces.append(
-            Piece(Patches(points, closed=True), "steel").moved(about(2, sign * opening), np.array([-1.3, 0, 0]))
-        )
+        pieces.append(Piece(blade.moved(points), "steel").moved(about(2, sign * opening), np.array([-1.3, 0, 0])))
     return pieces
 
 
@@ -223,4 +221,4 @@ def _tapered(patches: Patches, length: float, share: float) -> Patches:
     """Narrow what lies towards -x by up to ``share``."""
     points = patches.points.copy()
     points[..., 1:] *= (1.0 - share * np.clip(-points[..., 0] / length, 0, 1))[..., None]
-    return Patches(points, patches.closed)
+    return patches.moved(points)

@@ -14,7 +14,7 @@ from endosdk.simulation.curve import Floats
 from endosdk.simulation.geometry import Mesh
 from endosdk.simulation.noise import Array
 from endosdk.simulation.rigs import Rig
-from endosdk.simulation.surfaces import Patches, mesh_of
+from endosdk.simulation.surfaces import mesh_of
 from endosdk.simulation.texture import TissueTexture
 from endosdk.simulation.tissue import Tissue
 from endosdk.simulation.tools import pieces
@@ -149,7 +149,7 @@ def _made(rng: np.random.Generator, view: View, parts: list[Piece], radius: floa
         tile = TILE_RADII * radius * factor
         if part.material not in looks:
             looks[part.material] = draw_material(rng, part.material, (tile, tile), shade)
-        patches = Patches(part.patches.points * factor, part.patches.closed)
+        patches = part.patches.moved(part.patches.points * factor)
         found.append((mesh_of(patches, tile, np.zeros(3)), *looks[part.material]))
     return found
 
