@@ -101,7 +101,7 @@ def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done,
             )
     finally:
         ray.shutdown()
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["batch.json", "pairs"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "batch.json", "pairs"]
     expected = contents(done / "pairs" / NAMES[0])
     expected.pop("result.json")  # it has the names
     for number in range(200):
@@ -116,10 +116,9 @@ def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tm
     shutil.rmtree(out / "pairs" / NAMES[3])
     (out / ".partial-frame_003_left-1").mkdir()  # of a process that was killed
     kept = out / "pairs" / NAMES[4] / "disparity.png"
-    kept.write_bytes(b"not looked at")
+    begun = kept.stat().st_mtime_ns
     run_batch(find_pairs(archive / "left", archive / "right"), settings, out)
-    assert kept.read_bytes() == b"not looked at"
-    shutil.copy(done / "pairs" / NAMES[4] / "disparity.png", kept)
+    assert kept.stat().st_mtime_ns == begun
     assert contents(out) == contents(done) and not list(out.glob(".partial-*"))
 
 
@@ -201,4 +200,4 @@ def test_a_folder_with_other_things_is_left_alone(archive, settings, tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InvalidArgument, match="out: must be an empty or new folder"):
         run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == [".lock", "thesis.txt"]

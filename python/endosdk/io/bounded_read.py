@@ -32,7 +32,8 @@ def read_bounded(path: Path, limit: int) -> bytes:
     """
     try:
         # Without O_NONBLOCK the opening of a pipe that nobody writes to would wait for ever.
-        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        flags = (getattr(os, name, 0) for name in ("O_RDONLY", "O_CLOEXEC", "O_NONBLOCK", "O_BINARY"))
+        handle = os.open(path, sum(flags))
         with os.fdopen(handle, "rb") as stream:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
                 raise Refused("must be a regular file", "a pipe, a socket or a device")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.names import RULE, is_plain_name
 from endosdk.io.whole_files import whole_file, write_text
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.session import StereoSession
@@ -27,6 +28,8 @@ def write_repository(model: str | Path, folder: str | Path) -> Path:
     info = session.info
     if not (info.version.isascii() and info.version.isdecimal()) or int(info.version) < 1:
         raise InvalidArgument("model", "must have a whole number as its version, as Triton wants", repr(info.version))
+    if not is_plain_name(info.name):  # it becomes a folder's
+        raise InvalidArgument("model", f"its name {RULE}", repr(info.name))
     home = Path(folder) / info.name
     try:
         (home / info.version).mkdir(parents=True, exist_ok=True)

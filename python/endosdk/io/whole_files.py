@@ -36,6 +36,7 @@ def whole_file(path: Path, argument: str = "path") -> Iterator[BinaryIO]:
         # mkstemp makes the file private. Others may read it as far as the umask lets them.
         partial.chmod(0o666 & ~_umask())
         partial.replace(path)
+        _flush_folder(path.parent)
     except OSError as error:
         raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror or error})") from error
     finally:
@@ -70,10 +71,12 @@ def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
         yield partial
         for path in partial.iterdir():
             _flush(path)
+        _flush_folder(partial)
         final.parent.mkdir(exist_ok=True)
         if final.exists():
             shutil.rmtree(final)
         partial.rename(final)
+        _flush_folder(final.parent)
     except OSError as error:
         raise StorageFailed("out", "must be writable", f"{final}: {error}") from error
     finally:
@@ -93,6 +96,17 @@ def _flush(path: Path) -> None:
     """Wait until a file has reached the disk, so that a rename cannot outrun its data."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Wait until the names in a folder have reached the disk. Windows has no such call, and needs none."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _umask() -> int:

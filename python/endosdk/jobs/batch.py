@@ -6,6 +6,7 @@ cluster whose machines all see the folders. So a batch that was stopped is conti
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections import Counter
@@ -19,6 +20,9 @@ import numpy as np
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.io.documents import parse_json
+from endosdk.io.locks import LOCK, locked_folder
 from endosdk.io.picture_pairs import pair_pictures
 from endosdk.io.pictures import read_frame, write_maps
 from endosdk.io.whole_files import remove_partials, whole_folder, write_text
@@ -28,9 +32,12 @@ from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import DepthResult
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
+RESULT = "result.json"  # of one pair: its numbers, and the SHA-256 of each of its files
+LARGEST_RESULT = 1 << 20  # bytes
+LARGEST_RECORD = 1 << 28  # bytes: the errors of a million pictures that cannot be used
 SHARE = 8  # pairs that a worker is given at a time
 
 
@@ -66,9 +73,10 @@ def run_batch(
 
     ``workers`` is how many processes work at a time, on this machine or, with ``ray``, on the cluster. The record has
     the settings, how many pairs got which `Status`, and ``failed``: the error of each pair whose pictures cannot be
-    used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of other settings,
-    StorageFailed where it cannot be written, DatasetInvalid where a finished pair was damaged, InferenceFailed where a
-    worker is killed. Pictures that changed under the same name are not noticed.
+    used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of other settings or
+    another process is at work there, StorageFailed where it cannot be written, DatasetInvalid where the maps of a
+    finished pair are no longer those that were written, InferenceFailed where a worker is killed. Pictures that changed
+    under the same name are not noticed.
     """
     if workers < 1:
         raise InvalidArgument("workers", "must be at least 1", workers)
@@ -85,21 +93,54 @@ def run_batch(
         "provider": settings.provider,
     }
     job = _Job(Path(out).resolve(), settings, model.sha256)
-    _claim(job.out, described)
-    failed = _compute(job, [pair for pair in pairs if not job.folder(pair).is_dir()], workers, ray)
-    counts = Counter(_status(job.folder(pair)) for pair in pairs if pair.name not in failed)
-    record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
-    remove_partials(job.out)
-    write_text(job.out / RECORD, json.dumps(record, indent=1) + "\n", "out")
-    return record
-
-
-def _status(folder: Path) -> str:
     try:
-        return str(json.loads((folder / "result.json").read_text())["status"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        rule = "a finished pair was changed; delete its folder, and the same command computes it again"
-        raise DatasetInvalid("out", rule, f"{folder}: {error!r}") from error
+        job.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{job.out}: {error}") from error
+    with locked_folder(job.out, "out"):
+        _claim(job.out, described)
+        missing = [pair for pair in pairs if not job.folder(pair).is_dir()]
+        for pair in set(pairs).difference(missing):
+            _check_finished(job.folder(pair))
+        failed = _compute(job, missing, workers, ray)
+        counts = Counter(_finished(job.folder(pair))["status"] for pair in pairs if pair.name not in failed)
+        record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
+        remove_partials(job.out)
+        write_text(job.out / RECORD, json.dumps(record, indent=1) + "\n", "out")
+        return record
+
+
+def _finished(folder: Path) -> dict[str, Any]:
+    """Return the record of a finished pair."""
+    try:
+        record = parse_json(read_bounded(folder / RESULT, LARGEST_RESULT).decode())
+        return {"status": str(record["status"]), "files": dict(record["files"])}
+    except (Refused, ValueError, KeyError, TypeError) as error:
+        raise _changed(folder, f"{RESULT}: {error}") from error
+
+
+def _check_finished(folder: Path) -> None:
+    """Compare the files of a finished pair with the hashes recorded when it was written."""
+    recorded = _finished(folder)["files"]
+    try:
+        present = {path.name for path in folder.iterdir()} - {RESULT}
+        if present != recorded.keys():
+            raise _changed(folder, f"files {sorted(present)} instead of {sorted(recorded)}")
+        for name, sha256 in recorded.items():
+            if _sha256(folder / name) != sha256:
+                raise _changed(folder, f"{name} holds other bytes than were written")
+    except OSError as error:
+        raise _changed(folder, error) from error
+
+
+def _changed(folder: Path, seen: object) -> DatasetInvalid:
+    rule = "a finished pair was changed; delete its folder, and the same command computes it again"
+    return DatasetInvalid("out", rule, f"{folder}: {seen}")
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @dataclass(frozen=True)
@@ -115,13 +156,12 @@ class _Job:
 def _claim(out: Path, described: dict[str, Any]) -> None:
     """Note the settings in a new folder, or check that the folder was begun with the same ones."""
     try:
-        out.mkdir(parents=True, exist_ok=True)
         if (out / RECORD).exists():
             if _begun(out / RECORD) != described:
                 raise InvalidArgument(
                     "out", "must be new, or hold a batch of the same model, rig and size, by the same provider", out
                 )
-        elif any(out.iterdir()):
+        elif any(path.name != LOCK for path in out.iterdir()):
             raise InvalidArgument("out", "must be an empty or new folder, or a batch begun by this command", out)
         else:
             begun = {"format_version": FORMAT_VERSION, "settings": described}
@@ -135,10 +175,10 @@ def _claim(out: Path, described: dict[str, Any]) -> None:
 def _begun(path: Path) -> Any:
     """Return the settings of a batch. Raises InvalidArgument where the file is none of this version."""
     try:
-        record = json.loads(path.read_text())
+        record = parse_json(read_bounded(path, LARGEST_RECORD).decode())
         if record["format_version"] == FORMAT_VERSION:
             return record["settings"]
-    except (ValueError, KeyError, TypeError):
+    except (Refused, ValueError, KeyError, TypeError):
         pass
     raise InvalidArgument("out", f"{RECORD} must be what this version wrote", path)
 
@@ -211,8 +251,8 @@ def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None
     except (InvalidArgument, CalibrationSizeMismatch) as error:
         return str(error)
     with whole_folder(job.folder(pair), job.out) as folder:
-        write_maps(folder, result)
-        (folder / "result.json").write_text(json.dumps(_described(pair, result), indent=1) + "\n")
+        files = {name: _sha256(path) for name, path in write_maps(folder, result).items()}
+        write_text(folder / RESULT, json.dumps({**_described(pair, result), "files": files}, indent=1) + "\n", "out")
     return None
 
 

@@ -1,0 +1,45 @@
+"""A folder that one process at a time may write."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from endosdk.errors import InvalidArgument, StorageFailed
+
+LOCK = ".lock"  # stays behind, empty: removing it would let two processes lock two files of one name
+
+
+@contextmanager
+def locked_folder(folder: Path, argument: str) -> Iterator[None]:
+    """Hold ``folder`` until the block ends, or the process, however it ends.
+
+    Raises InvalidArgument where another process holds it, StorageFailed where it cannot be written; both name the
+    caller's ``argument``.
+    """
+    try:
+        handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+    except OSError as error:
+        raise StorageFailed(argument, "the folder must be writable", f"{folder}: {error}") from error
+    try:
+        if not _lock(handle):
+            raise InvalidArgument(argument, "must not be in use by another process", folder)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int) -> bool:
+    with suppress(OSError):
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return True
+    return False
