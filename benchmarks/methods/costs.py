@@ -9,7 +9,7 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from endosdk.training.frame_size import reduction
+from endosdk.training.frame_size import seen_size
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
 
@@ -63,8 +63,7 @@ def network_costs(name: str, max_disparity: int, height: int, width: int) -> Net
     """Count one network for frames of this size, which a network with a usual width sees reduced."""
     with torch.device("meta"):
         network = build_network(name, max_disparity)
-    factor = reduction(width, network.inference_width)
-    seen = height // factor, width // factor
+    seen = seen_size(width, height, network.inference_width)[::-1]
     return NetworkCosts(count_parameters(network), count_macs(name, max_disparity, *seen) / 1e9)
 
 

@@ -22,7 +22,7 @@ from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
-from endosdk.training.frame_size import reduced_view, reduction
+from endosdk.training.frame_size import seen_size, seen_views
 
 GAINS = (1.0, 2.5)
 
@@ -68,9 +68,10 @@ def main() -> None:
         pairs: list[Feed] = []
         for index in tqdm(range(args.pairs), desc=name, unit="pair"):
             sample = reader[index]
-            factor = reduction(sample.left.shape[1], int(metadata["endosdk.inference_width"]))
-            views = {"left": sample.left, "right": sample.right}
-            pairs.append({key: reduced_view(view, factor).transpose(2, 0, 1)[None] for key, view in views.items()})
+            height, width = sample.left.shape[:2]
+            size = seen_size(width, height, int(metadata["endosdk.inference_width"]))
+            views = seen_views(sample.left, sample.right, size)
+            pairs.append({key: view[None] for key, view in zip(("left", "right"), views, strict=True)})
         by_gain = {f"{gain:g}": differences(file.data, pairs, gain) for gain in GAINS}
         models[name] = {"sha256": file.sha256, "version": metadata["endosdk.version"], "by_gain": by_gain}
         for gain, found in by_gain.items():

@@ -187,7 +187,7 @@ def test_loop_trains_resumes_and_saves_a_rival(tiny_set, tmp_path):
     config = TrainConfig(
         network="anynet",
         max_disparity=32,
-        data=str(tiny_set),
+        data=(str(tiny_set),),
         held_out=1,
         batch=2,
         crop=(48, 96),

@@ -148,11 +148,21 @@ def test_broken_and_foreign_files_are_named(tmp_path):
         ({"refine_from_step": -1}, "refine_from_step"),
         ({"checkpoint_minutes": -1.0}, "checkpoint_minutes"),
         ({"crop": (60, 128)}, "crop"),
+        ({"looks": ("fog",)}, "looks"),
+        ({"volume_weight": -1.0}, "volume_weight"),
     ],
 )
 def test_bad_settings_are_named_at_once(changes, name):
     with pytest.raises(InvalidArgument, match=name):
         TrainConfig(**changes)
+
+
+def test_a_set_by_itself_is_no_list_of_sets():
+    with pytest.raises(InvalidArgument, match="data"):
+        TrainConfig(data="somewhere")
+    # As checkpoints of earlier releases hold it.
+    assert TrainConfig.from_dict({"data": "somewhere"}).data == ("somewhere",)
+    assert TrainConfig.from_dict({"data": ""}).data == ()
 
 
 def test_unknown_settings_are_refused():
@@ -162,8 +172,8 @@ def test_unknown_settings_are_refused():
 
 def test_weights_of_another_shape_are_named(tmp_path):
     network, optimiser = stepped("rmsprop")
-    checkpoint.save(tmp_path / checkpoint.LAST, replace(CONFIG, network="fast-wide"), 7, STATE, network, optimiser)
-    with pytest.raises(InvalidArgument, match=r"checkpoint: must hold the weights of fast-wide .* such as "):
+    checkpoint.save(tmp_path / checkpoint.LAST, replace(CONFIG, network="wang2020"), 7, STATE, network, optimiser)
+    with pytest.raises(InvalidArgument, match=r"checkpoint: must hold the weights of wang2020 .* such as "):
         checkpoint.load(tmp_path).build()
 
 

@@ -4,7 +4,14 @@ import pytest
 import torch
 
 from endosdk.errors import InvalidArgument
-from endosdk.training.loss import build_loss, l2_loss, scale_invariant_loss, smooth_l1_loss
+from endosdk.training.loss import (
+    LAPLACE_SCALE,
+    build_loss,
+    l2_loss,
+    scale_invariant_loss,
+    smooth_l1_loss,
+    volume_cross_entropy,
+)
 
 LOSSES = ["scale-invariant", "l2", "smooth-l1"]
 
@@ -88,3 +95,45 @@ def test_a_prediction_of_zero_keeps_the_logarithm_finite():
 def test_unknown_loss_names_the_choices():
     with pytest.raises(InvalidArgument, match="smooth-l1"):
         build_loss("l3")
+
+
+CANDIDATES = torch.tensor([0.0, 4.0, 8.0, 16.0, 24.0])
+
+
+def volume_of(truth):
+    """The cost [1, 5, 4, 1, 1] whose distribution is the truth's own, for a truth [8, 8] with one value a cell."""
+    cells = truth[::4, ::4].reshape(4)
+    return ((cells.view(1, 4) - CANDIDATES.view(5, 1)).abs() / LAPLACE_SCALE).view(1, 5, 4, 1, 1)
+
+
+def test_a_volume_that_tells_the_truth_has_no_loss():
+    truth = torch.tensor([[2.0, 6.0], [11.0, 24.0]]).repeat_interleave(4, 0).repeat_interleave(4, 1)
+    cost, truth = volume_of(truth), truth.view(1, 1, 8, 8)
+    assert volume_cross_entropy(cost, truth, everywhere(truth), CANDIDATES).item() == pytest.approx(0.0, abs=1e-5)
+    assert volume_cross_entropy(cost.flip(2), truth, everywhere(truth), CANDIDATES).item() > 0.5
+
+
+def test_a_cell_across_an_edge_wants_two_peaks():
+    truth = torch.full((1, 1, 8, 8), 4.0)
+    truth[..., 2::4] = truth[..., 3::4] = 24.0
+    peaks = torch.softmax(-(torch.tensor([4.0, 24.0]).view(2, 1) - CANDIDATES).abs() / LAPLACE_SCALE, dim=1)
+    both, between = -torch.log(peaks.mean(dim=0)), (14.0 - CANDIDATES).abs() / LAPLACE_SCALE
+    losses = [
+        volume_cross_entropy(cost.view(1, 5, 1, 1, 1).expand(1, 5, 4, 1, 1), truth, everywhere(truth), CANDIDATES)
+        for cost in (both, between)
+    ]
+    assert losses[0].item() == pytest.approx(0.0, abs=1e-5)
+    assert losses[1].item() > 1.0
+
+
+def test_cells_without_truth_do_not_count():
+    truth = torch.full((1, 1, 8, 8), 4.0)
+    cost = volume_of(truth[0, 0])
+    cost[0, :, 3] = CANDIDATES.flip(0).view(5, 1, 1)  # far from right in the last cell
+    mask = everywhere(truth)
+    assert volume_cross_entropy(cost, truth, mask, CANDIDATES).item() > 0.5
+    mask = mask.clone()
+    mask[..., 4:, 4:] = False
+    truth[..., 4:, 4:] = float("nan")
+    assert volume_cross_entropy(cost, truth, mask, CANDIDATES).item() == pytest.approx(0.0, abs=1e-5)
+    assert volume_cross_entropy(cost, truth, torch.zeros_like(mask), CANDIDATES).item() == 0.0

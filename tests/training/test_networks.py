@@ -10,6 +10,7 @@ from endosdk.training.networks.base import Window
 from endosdk.training.networks.blocks import ConvNorm, fold_batch_norm
 from endosdk.training.networks.cost_volume import (
     Aggregation,
+    Planes,
     difference_planes,
     soft_argmin,
     soft_argmin_of_planes,
@@ -22,7 +23,7 @@ from tests.training.exported_networks import shaken
 from tests.training.warped_scenes import warped_pair
 
 # By name, not all that is known: benchmarks add rivals to the list, which promise less.
-OURS = ("fast", "fast-deep", "fast-small", "fast-wide", "wang2020", "wang2020-photometric")
+OURS = ("fast", "wang2020", "wang2020-photometric")
 
 
 def views(height=64, width=128, pairs=2, seed=0):
@@ -111,7 +112,8 @@ def test_a_window_gives_the_same_refinement_as_the_whole(name, window):
 
 @pytest.mark.parametrize("name", OURS)
 def test_the_export_form_computes_the_same(name):
-    network = shaken(build_network(name, max_disparity=32))
+    search = {"dense_disparity": 16, "mode_reach": 2} if name == "fast" else {}
+    network = shaken(build_network(name, max_disparity=32, **search))
     form = network.export_form()
     left, right = views()
     with torch.no_grad():
@@ -190,24 +192,59 @@ def test_the_range_is_a_multiple_of_eight(name, value):
         build_network(name, max_disparity=value)
 
 
+def test_planes_lie_twice_as_far_apart_beyond_the_dense_ones():
+    network = build_network("fast", 128, dense_disparity=48)
+    assert network.candidates == (*range(0, 48, 4), *range(48, 128, 8))
+    assert network.max_candidate_disparity == 120
+    for dense in (44, 40, 136, 0):
+        with pytest.raises(InvalidArgument, match="dense_disparity"):
+            build_network("fast", 128, dense_disparity=dense)
+    with pytest.raises(InvalidArgument, match="mode_reach"):
+        build_network("wang2020", mode_reach=2)
+
+
+def test_an_answer_is_found_between_planes_of_either_distance():
+    planes = Planes(4, 3)  # 0 1 2 3 4 6 8
+    shifts = torch.tensor(planes.shifts, dtype=torch.float32)
+    for truth in (1.25, 3.5, 4.5, 7.0):
+        # Nearly all of the distribution on the two planes around the truth, in the shares that have it as their mean.
+        place = int((shifts <= truth).sum()) - 1
+        share = (truth - shifts[place]) / (shifts[place + 1] - shifts[place])
+        cost = torch.full((1, 1, 1, 7), 30.0)
+        cost[..., place], cost[..., place + 1] = -torch.log(1 - share), -torch.log(share)
+        found = soft_argmin(cost, planes)
+        assert found.disparity.item() == pytest.approx(truth, abs=1e-4)
+        assert found.excess.item() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_answer_is_one_of_two_peaks_and_nothing_between():
+    cost = torch.tensor([9.0, 0.0, 9.0, 9.0, 9.0, 0.4, 9.0]).view(1, 1, 1, 7)
+    between, one = soft_argmin(cost), soft_argmin(cost, reach=1)
+    assert 2.0 < between.disparity.item() < 3.0
+    assert one.disparity.item() == pytest.approx(1.0, abs=1e-3)
+    # The doubt is that of the whole distribution either way.
+    torch.testing.assert_close(between.excess, one.excess)
+
+
 def test_an_unknown_network_names_the_choices():
     with pytest.raises(InvalidArgument, match="wang2020"):
         build_network("wang2021")
 
 
-def test_the_volume_of_fast_is_the_difference_at_every_shift():
+@pytest.mark.parametrize("planes", [Planes(8), Planes(4, 4)])
+def test_the_volume_of_fast_is_the_difference_at_every_shift(planes):
     torch.manual_seed(4)
-    volume = DifferenceVolume(inputs=3, channels=2, planes=8)
-    left, right = torch.randn(2, 1, 3, 8, 16).unbind(0)
+    volume = DifferenceVolume(inputs=3, channels=2, planes=planes)
+    left, right = torch.randn(2, 1, 3, 8, 32).unbind(0)
     found = volume(left, right)[0]
-    assert found.shape == (8, 2, 4, 8)
-    for shift in range(8):
+    assert found.shape == (8, 2, 4, 16)
+    for plane, shift in enumerate(planes.shifts):
         # The plain way: move the right view by the shift and convolve at every second cell.
-        moved = torch.nn.functional.pad(right, (shift, 0))[..., :16]
+        moved = torch.nn.functional.pad(right, (shift, 0))[..., :32]
         expected = torch.relu(volume.match(left) - volume.match(moved))[0]
         # Where the kernel reaches cells that the shift has brought in from outside, the two fill up differently.
         inside = (shift + 1) // 2 + 1
-        torch.testing.assert_close(found[shift][..., inside:], expected[..., inside:], atol=1e-5, rtol=0)
+        torch.testing.assert_close(found[plane][..., inside:], expected[..., inside:], atol=1e-5, rtol=0)
     paired = PairedVolume(volume.match, volume.planes)(left, right)
     torch.testing.assert_close(paired[0].view(found.shape), found, atol=1e-6, rtol=0)
 
@@ -223,10 +260,13 @@ def test_soft_argmin_keeps_its_digits_within_autocast(planes):
     assert len(found.disparity.unique()) > 900
 
 
-def test_soft_argmin_is_the_same_in_both_orders():
+@pytest.mark.parametrize("reach", [None, 1])
+@pytest.mark.parametrize("planes", [Planes(6), Planes(2, 4)])
+def test_soft_argmin_is_the_same_in_both_orders(planes, reach):
     cost = torch.randn(2, 3, 4, 6, generator=torch.Generator().manual_seed(3)) * 8 + 500  # far from what exp can take
     order = torch.tensor([0, 2, 4, 1, 3, 5])
-    one, other = soft_argmin(cost), soft_argmin_of_planes(cost[..., order].flatten(1, 2).transpose(1, 2), order.float())
+    mixed = cost[..., order].flatten(1, 2).transpose(1, 2)
+    one, other = soft_argmin(cost, planes, reach), soft_argmin_of_planes(mixed, planes, order.tolist(), reach)
     for a, b in zip(one, other, strict=True):
         torch.testing.assert_close(a.flatten(1), b.flatten(1), atol=1e-4, rtol=1e-4)
 

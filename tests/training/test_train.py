@@ -15,14 +15,15 @@ from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, Pro
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks import build_network
-from endosdk.training.train import Run, split_pairs, train
+from endosdk.training.sets import split_pairs
+from endosdk.training.train import Run, train
 from endosdk.training.validation import mean_errors, pad_to_multiple
 
 SHORT = {"network": "fast", "crop": (64, 128), "batch": 2, "held_out": 2, "log_every": 1, "precision": "fp32"}
 
 
 def settings(root, **changes):
-    return TrainConfig(data=str(root), **{**SHORT, **changes})
+    return TrainConfig(data=(str(root),), **{**SHORT, **changes})
 
 
 def weights(run):
@@ -224,7 +225,7 @@ def test_a_run_says_on_how_many_pairs_it_learned(dataset_root, tmp_path):
 )
 def test_every_network_has_a_crop_of_its_own(network, size, crop, tmp_path):
     one_frame_set(tmp_path / "set", size)
-    run = Run(TrainConfig(data=str(tmp_path / "set"), network=network, held_out=0, batch=1), tmp_path / "run")
+    run = Run(TrainConfig(data=(str(tmp_path / "set"),), network=network, held_out=0, batch=1), tmp_path / "run")
     assert run.crops[0][0].shape == (3, *crop)
     run.save()
     assert checkpoint.load(tmp_path / "run").config.crop == crop
@@ -232,7 +233,7 @@ def test_every_network_has_a_crop_of_its_own(network, size, crop, tmp_path):
 
 def test_a_crop_that_does_not_fit_is_refused_before_the_run_begins(tmp_path):
     one_frame_set(tmp_path / "set", (240, 320))
-    config = TrainConfig(data=str(tmp_path / "set"), network="fast", held_out=0)
+    config = TrainConfig(data=(str(tmp_path / "set"),), network="fast", held_out=0)
     with pytest.raises(InvalidArgument, match=r"crop: must fit into frames of 240 x 320.*; got \(256, 384\)"):
         train(config, tmp_path / "run")
     with pytest.raises(InvalidArgument, match="refine_crop: must fit into the crop"):
@@ -280,7 +281,7 @@ import sys
 from pathlib import Path
 from endosdk.training.config import TrainConfig
 from endosdk.training.train import train
-config = TrainConfig(data=sys.argv[1], network="fast", crop=(64, 128), batch=1, held_out=1, log_every=1)
+config = TrainConfig(data=(sys.argv[1],), network="fast", crop=(64, 128), batch=1, held_out=1, log_every=1)
 train(config, Path(sys.argv[2]))
 """
 
@@ -308,8 +309,8 @@ from pathlib import Path
 from endosdk.training.config import TrainConfig
 from endosdk.training.train import Run, process_group
 torch.set_num_threads(1)
-config = TrainConfig(data=sys.argv[1], network="fast", crop=(64, 128), batch=1, held_out=2, steps=3, refine_from_step=1,
-                     validate_every=2, device="cpu")
+config = TrainConfig(data=(sys.argv[1],), network="fast", crop=(64, 128), batch=1, held_out=2, steps=3,
+                     refine_from_step=1, validate_every=2, device="cpu")
 out = Path(sys.argv[2])
 with process_group() as (rank, world):
     run = Run(config, out, rank, world)

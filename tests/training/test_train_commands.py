@@ -81,7 +81,7 @@ def test_bad_input_is_one_line_and_status_two(words, part, tmp_path, monkeypatch
 
 
 def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_path, monkeypatch):
-    config = TrainConfig(network="fast", data=str(dataset_root), crop=(64, 128), train_pairs=6, held_out=3, steps=1)
+    config = TrainConfig(network="fast", data=(str(dataset_root),), crop=(64, 128), train_pairs=6, held_out=3, steps=1)
     train(replace(config, batch=1), tmp_path / "run")
     model, int8 = tmp_path / "m.onnx", tmp_path / "m8.onnx"
     read = []

@@ -17,6 +17,9 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
+    "dense_disparity": (int, "px up to which fast has all its planes, beyond it every second"),
+    "mode_reach": (int, "planes on either side of the likeliest from which fast reads its answer"),
+    "volume_weight": (float, "weight of the cross-entropy of the volume that fast searches"),
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),
     "answer_cell": (int, "train for the mean of so many answers along both axes, as deployed"),
@@ -35,7 +38,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments; what is not given keeps its default, or the run's own value when it is resumed."""
-    parser.add_argument("--data", help="root of the data set")
+    parser.add_argument("--data", nargs="+", metavar="DIR", help="roots of the data sets")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint, log.csv, log.json")
     parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
     parser.add_argument("--network", help="wang2020, wang2020-photometric or fast")
@@ -48,6 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--refine-only", action="store_true", default=None, help="let only the refinement learn (with --init-from)"
     )
+    parser.add_argument("--looks", nargs="*", metavar="NAME", help="looks of real endoscopes that pairs are given")
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="plain crops")
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text)
@@ -69,5 +73,5 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
-    names = ("data", "network", "crop", "refine_crop", "refine_only", "augment", *_SETTINGS)
+    names = ("data", "network", "crop", "refine_crop", "refine_only", "augment", "looks", *_SETTINGS)
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}

@@ -5,6 +5,7 @@ Every function draws from the generator it is given, so a crop is a function of 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import cv2
@@ -12,8 +13,15 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from endosdk.training import looks
+
 Image = NDArray[np.uint8]
 Map = NDArray[np.float32]
+
+SCALES = (0.7, 1.4)  # of the picture
+WIDE_SCALES = (0.6, 1.8)  # with the look "scale": disparities from almost 0 to the end of a wide range
+# Share of the pairs that get a look which is switched on.
+CHANCES = {"tone": 0.5, "colours": 0.3, "blur": 0.25, "noise": 0.2, "glare": 0.25, "rows": 0.25, "field": 0.15}
 
 
 @dataclass(frozen=True)
@@ -25,24 +33,54 @@ class Pair:
     disparity: Map
 
 
-def random_pair(pair: Pair, mirrored: Pair | None, crop: tuple[int, int], rng: Generator) -> Pair:
+def random_pair(
+    pair: Pair, mirrored: Pair | None, crop: tuple[int, int], rng: Generator, switches: Collection[str] = ()
+) -> Pair:
     """Draw one training pair of size ``crop`` (height, width).
 
     ``mirrored`` is the pair as seen in a mirror (flipped views swapped, truth of the right view); None where the data
-    has no truth for the right view.
+    has no truth for the right view. ``switches`` are names of `endosdk.training.looks.LOOKS`.
     """
     if mirrored is not None and rng.random() < 0.5:
         pair = mirrored
-    pair = _crop(pair, crop, rng)
+    pair = _crop(pair, crop, rng, WIDE_SCALES if "scale" in switches else SCALES)
     if rng.random() < 0.5:
         pair = Pair(pair.left[::-1], pair.right[::-1], pair.disparity[::-1])
-    left, right = _colours(pair.left, pair.right, rng)
+    left, right = _colours(pair.left, pair.right, rng, 0.2 if "tone" in switches else 0.06)
     if rng.random() < 0.5:
         right = _misaligned(right, rng)
+    left, right, disparity = _looks(left, right, pair.disparity, rng, switches)
     left, right = (_sensor(view, rng) for view in (left, right))
     if rng.random() < 0.3:
         right = _occluded(right, rng)
-    return Pair(left, right, pair.disparity)
+    return Pair(left, right, disparity)
+
+
+def _looks(
+    left: Image, right: Image, disparity: Map, rng: Generator, switches: Collection[str]
+) -> tuple[Image, Image, Map]:
+    """Give the pair the looks that are switched on, each with a chance of its own."""
+    drawn = {name: rng.random() for name in looks.LOOKS}  # the same for every choice of switches
+    on = {name for name in switches if drawn[name] < CHANCES.get(name, 1.0)}
+    if "tone" in on:
+        left, right = looks.contrast(left, rng), looks.contrast(right, rng)
+    if "colours" in on:
+        left, right = looks.recoloured(left, right, rng)
+    if "glare" in on:
+        left, right = looks.glare(left, rng), looks.glare(right, rng)
+    if "rows" in on:
+        right = looks.rows_apart(right, rng)
+    if "blur" in on:
+        eye = rng.integers(0, 3)
+        left = looks.blurred(left, rng) if eye != 1 else left
+        right = looks.blurred(right, rng) if eye != 0 else right
+    if "field" in on:
+        shown = looks.field_of_view(left.shape[:2], rng)
+        left, right = (looks.outside_dark(view, mask, rng) for view, mask in zip((left, right), shown, strict=True))
+        disparity = np.where(shown[0], disparity, np.float32(np.nan))
+    if "noise" in on:
+        left, right = looks.dim_and_noisy(left, right, rng)
+    return left, right, disparity
 
 
 def plain_pair(pair: Pair, crop: tuple[int, int], rng: Generator) -> Pair:
@@ -65,10 +103,10 @@ def _window(pair: Pair, top: int, left: int, height: int, width: int) -> Pair:
     return Pair(pair.left[rows, columns], pair.right[rows, columns], pair.disparity[rows, columns])
 
 
-def _crop(pair: Pair, crop: tuple[int, int], rng: Generator) -> Pair:
+def _crop(pair: Pair, crop: tuple[int, int], rng: Generator, scales: tuple[float, float]) -> Pair:
     """Cut a window of random size and bring it to the crop's: a random scale and stretch of the picture."""
     height, width = pair.left.shape[:2]
-    scale = np.exp(rng.uniform(np.log(0.7), np.log(1.4)))
+    scale = np.exp(rng.uniform(np.log(scales[0]), np.log(scales[1])))
     stretch = np.exp(rng.uniform(-0.15, 0.15))
     source = (min(height, round(crop[0] / (scale * stretch))), min(width, round(crop[1] / scale)))
     top, left = _corner((height, width), source, rng)
@@ -84,10 +122,10 @@ def _crop(pair: Pair, crop: tuple[int, int], rng: Generator) -> Pair:
     return Pair(views[0].astype(np.uint8), views[1].astype(np.uint8), disparity.astype(np.float32))
 
 
-def _colours(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
-    """Gamma, gain and offset per channel: a large part common to both views, a small part of each alone."""
+def _colours(left: Image, right: Image, rng: Generator, apart: float) -> tuple[Image, Image]:
+    """Gamma, gain and offset per channel: a part common to both views, and one ``apart`` strong of each alone."""
     common = _curve(rng, 0.25)
-    left_curve, right_curve = (common + _curve(rng, 0.06) for _ in range(2))
+    left_curve, right_curve = (common + _curve(rng, apart) for _ in range(2))
     return _toned(left, left_curve), _toned(right, right_curve)
 
 

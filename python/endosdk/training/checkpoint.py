@@ -58,7 +58,12 @@ class Checkpoint:
 def configured_network(config: TrainConfig) -> StereoNetwork:
     """Build the network that a run is about, with random weights."""
     return build_network(
-        config.network, config.max_disparity, answer_cell=config.answer_cell, inference_width=config.inference_width
+        config.network,
+        config.max_disparity,
+        answer_cell=config.answer_cell,
+        inference_width=config.inference_width,
+        dense_disparity=config.dense_disparity,
+        mode_reach=config.mode_reach,
     )
 
 
@@ -77,7 +82,7 @@ def save(
 def save_weights(path: Path, trained: Checkpoint) -> None:
     """Write what another run needs to start from these weights: all but the state of the optimiser."""
     # Where the data lay and what the run itself started from are of no use elsewhere; the notes say what they were.
-    config = replace(trained.config, data="", init_from=None)
+    config = replace(trained.config, data=(), init_from=None)
     state = {**trained.state, "history": []}
     _write(path, Checkpoint(config, trained.step, state, trained.network, {}))
 

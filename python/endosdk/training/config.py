@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from endosdk.errors import InvalidArgument
+from endosdk.training.looks import LOOKS
 from endosdk.training.loss import build_loss
 
 CHOICES = {
@@ -14,6 +15,7 @@ CHOICES = {
     "precision": ("auto", "fp32", "bf16"),
     "device": ("auto", "cpu", "cuda"),
 }
+LISTS = ("data", "looks", "crop", "refine_crop")
 LARGEST = 10**9
 # What each number must lie within, ends included.
 RANGES = {
@@ -25,6 +27,9 @@ RANGES = {
     "workers": (0, LARGEST),
     "cache_gib": (0, LARGEST),
     "seed": (0, LARGEST),
+    "dense_disparity": (8, LARGEST),
+    "mode_reach": (1, LARGEST),
+    "volume_weight": (0, LARGEST),
     "balance": (0, 1),  # beyond 1 the loss rewards a common factor, and falls below 0
     "coarse_weight": (0, LARGEST),
     "steps": (0, LARGEST),  # with none the confidence is fitted, and nothing else changes
@@ -46,17 +51,20 @@ class TrainConfig:
     # what is trained, on what
     network: str = "wang2020"
     max_disparity: int = 72  # px; pixels with larger truth are left out of the loss
-    data: str = ""  # root of the data set
+    dense_disparity: int | None = None  # px up to which fast has all its planes, beyond it half; None: all
+    mode_reach: int | None = None  # planes around the likeliest one that fast reads its answer from; None: all
+    data: tuple[str, ...] = ()  # roots of the data sets
     inference_width: int | None = None  # px at which frames are to be seen; None: what the network is made for
     layout: str = "endosdk"  # how the data set is laid out on disk
     train_pairs: int | None = None  # use only the first so many pairs; None: all but those held out
-    held_out: int = 8  # last pairs of the train split, kept for validation and for fitting the confidence
+    held_out: int = 8  # last pairs of each set's train split, kept for validation and for fitting the confidence
     init_from: str | None = None  # run folder, checkpoint or shipped name whose weights are the start
 
     # samples
     batch: int = 4  # pairs per step and process
     crop: tuple[int, int] | None = None  # None: the network's usual one, which fits what it sees of a frame
     augment: bool = True
+    looks: tuple[str, ...] = ()  # of real endoscopes, on top of the usual augmentation
     workers: int = 0  # extra processes that prepare crops; each keeps its own cache
     cache_gib: float = 8.0  # memory for decoded pairs
     seed: int = 0
@@ -64,6 +72,7 @@ class TrainConfig:
     # loss
     loss: str = "scale-invariant"
     balance: float = 0.5  # of the scale-invariant loss: 0 squares in log space, 1 ignores a common factor
+    volume_weight: float = 0.0  # of the cross-entropy of the volume that fast searches
     coarse_weight: float = 0.5  # of the coarse map's loss once the refined map is trained too
     # The last map is taken as it is deployed: the mean over so many answers along both axes, upsampled guided.
     answer_cell: int = 1
@@ -104,6 +113,11 @@ class TrainConfig:
             raise InvalidArgument("final_rate", "must be above 0 and at most rate", self.final_rate)
         if self.refine_only and self.refine_from_step:
             raise InvalidArgument("refine_from_step", "must be 0 with refine_only", self.refine_from_step)
+        if isinstance(self.data, str):
+            raise InvalidArgument("data", "must be a tuple of folders", self.data)
+        for look in self.looks:
+            if look not in LOOKS:
+                raise InvalidArgument("looks", f"must be among {', '.join(LOOKS)}", look)
         self._check_crops()
 
     def _check_crops(self) -> None:
@@ -132,7 +146,9 @@ class TrainConfig:
         """Rebuild from `as_dict`, perhaps after a way through JSON."""
         known = {f.name for f in fields(cls)}
         unknown = sorted(set(values) - known)
+        if isinstance(values.get("data"), str):  # of a checkpoint from before a run could learn from several sets
+            values = {**values, "data": [values["data"]] if values["data"] else []}
         if unknown:
             raise InvalidArgument("config", f"must hold only the fields {', '.join(sorted(known))}", unknown)
-        sized = {name: tuple(values[name]) for name in ("crop", "refine_crop") if values.get(name) is not None}
-        return cls(**{**values, **sized})
+        listed = {name: tuple(values[name]) for name in LISTS if values.get(name) is not None}
+        return cls(**{**values, **listed})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader, Dataset
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
-from endosdk.training.frame_size import reduced_truth, reduced_view, reduction
+from endosdk.training.frame_size import seen_size, seen_truth, seen_views
 
 TRUTH_SCALE = 256.0  # disparity is cached in 1/256 px, as it is on disk
 
@@ -50,10 +50,11 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         *,
         seed: int,
         augment: bool = True,
+        looks: Collection[str] = (),
         cache_gib: float = 8.0,
         inference_width: int | None = None,
     ) -> None:
-        """Read the given samples of ``reader``, reduced to about ``inference_width``; memory keeps up to ``cache_gib``.
+        """Read the given samples of ``reader``, as seen at ``inference_width``; memory keeps up to ``cache_gib``.
 
         Raises InvalidArgument when there is none, or when the first is smaller than ``crop``.
         """
@@ -64,6 +65,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         self.crop = crop
         self.seed = seed
         self.augment = augment
+        self.looks = frozenset(looks)
         self.inference_width = inference_width
         self._cache: dict[int, _Stored] = {}
         self._room = int(cache_gib * 2**30)
@@ -81,7 +83,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
             mirrored = None
             if stored.disparity_right is not None:
                 mirrored = mirror(stored.left, stored.right, _truth(stored.disparity_right))
-            pair = random_pair(pair, mirrored, self.crop, rng)
+            pair = random_pair(pair, mirrored, self.crop, rng, self.looks)
         else:
             pair = plain_pair(pair, self.crop, rng)
         return planar(pair.left), planar(pair.right), torch.from_numpy(np.ascontiguousarray(pair.disparity))[None]
@@ -100,10 +102,12 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         if index in self._cache:
             return self._cache[index]
         sample = self.reader[index]
-        factor = reduction(sample.left.shape[1], self.inference_width)
-        left, right = (reduced_view(view, factor) for view in (sample.left, sample.right))
+        size = seen_size(sample.left.shape[1], sample.left.shape[0], self.inference_width)
+        left, right = (
+            np.ascontiguousarray(view.transpose(1, 2, 0)) for view in seen_views(sample.left, sample.right, size)
+        )
         truth, truth_right = (
-            None if truth is None else _packed(reduced_truth(truth, factor))
+            None if truth is None else _packed(seen_truth(truth, size))
             for truth in (sample.disparity, sample.disparity_right)
         )
         assert truth is not None

@@ -1,37 +1,60 @@
-"""Bring frames to the width at which a network is to see them."""
+"""Bring frames to the size at which a network is to see them, by the code that does it once the network is deployed."""
 
 from __future__ import annotations
+
+import math
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from endosdk import _core
+from endosdk.runtime.rectify import RectifyStage
 
-def reduction(width: int, inference_width: int | None) -> int:
-    """Return the whole factor by which frames of this width are reduced for a network; 1: not at all."""
-    return 1 if inference_width is None else max(1, round(width / inference_width))
-
-
-def reduced_view(view: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
-    """Average blocks of ``factor`` x ``factor`` pixels of [H, W, 3]; what fills no block at the border is left out."""
-    if factor == 1:
-        return view
-    height, width = (side // factor for side in view.shape[:2])
-    whole = np.ascontiguousarray(view[: height * factor, : width * factor])
-    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+Image = NDArray[np.uint8]
+ONE_SURFACE = 1.0  # px; truth that differs by less is one surface
+NO_TRUTH = -1e6  # stands for NaN where minima and maxima are taken: far from every disparity
 
 
-def reduced_truth(disparity: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    """Do the same for a disparity map [H, W], px, whose values shrink with it; NaN where there is no truth.
+def seen_size(width: int, height: int, inference_width: int | None) -> tuple[int, int]:
+    """Return (width, height) at which a network for ``inference_width`` sees a frame; the frame's own up to that."""
+    seen: tuple[int, int] = _core.usual_network_size(width, height, inference_width or 0)
+    return seen
 
-    A block on one surface gives its mean. A block across an edge gives its middle pixel's value: a mean over an edge
+
+def seen_views(left: Image, right: Image, size: tuple[int, int], multiple: int = 1) -> tuple[Image, Image]:
+    """Bring both views [H, W, 3] to ``size`` (width, height) and planes: uint8 [3, h, w].
+
+    Sides are padded to multiples of ``multiple`` by repeating the last row and column.
+    """
+    height, width = left.shape[:2]
+    shape = (3, -(-size[1] // multiple) * multiple, -(-size[0] // multiple) * multiple)
+    out = np.empty(shape, np.uint8), np.empty(shape, np.uint8)
+    _stage((width, height), size)(np.ascontiguousarray(left), np.ascontiguousarray(right), *out, "rgb")
+    return out
+
+
+@lru_cache(maxsize=16)
+def _stage(frame: tuple[int, int], size: tuple[int, int]) -> RectifyStage:
+    return RectifyStage(frame, None, size)
+
+
+def seen_truth(disparity: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """Bring a disparity map [H, W], px, to ``size`` (width, height), in px of that width; NaN where there is no truth.
+
+    A pixel that covers one surface gets its mean. One across an edge gets the value at its centre: a mean over an edge
     would be a surface that is not there.
     """
-    if factor == 1:
+    height, width = disparity.shape
+    if size == (width, height):
         return disparity
-    height, width = (side // factor for side in disparity.shape)
-    blocks = disparity[: height * factor, : width * factor].reshape(height, factor, width, factor)
-    mean = blocks.mean(axis=(1, 3))
-    one_surface = blocks.max(axis=(1, 3)) - blocks.min(axis=(1, 3)) < 1.0
-    middle = blocks[:, factor // 2, :, factor // 2]
-    return (np.where(one_surface, mean, middle) / factor).astype(np.float32)
+    reach = np.ones((math.ceil(height / size[1]), math.ceil(width / size[0])), np.uint8)
+    known = np.nan_to_num(disparity, nan=NO_TRUTH)
+    spread = cv2.dilate(known, reach) - cv2.erode(known, reach)
+    middle = cv2.resize(disparity, size, interpolation=cv2.INTER_NEAREST_EXACT)
+    apart = cv2.resize(spread, size, interpolation=cv2.INTER_NEAREST_EXACT)
+    mean = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
+    one = (apart < ONE_SURFACE) & np.isfinite(middle)
+    shrunk = np.where(one, mean, middle) * np.float32(size[0] / width)
+    return np.asarray(shrunk, dtype=np.float32)

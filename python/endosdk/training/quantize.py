@@ -23,10 +23,8 @@ from tqdm import tqdm
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
-from endosdk.training.data import planar
-from endosdk.training.frame_size import reduced_view, reduction
+from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.model_file import write_model
-from endosdk.training.validation import pad_to_multiple
 
 WIDE = 16  # channels from which a convolution fills the integer units
 # Operators that only move values, between a convolution and the addition or the product that reads its result.
@@ -204,9 +202,7 @@ class _Frames(CalibrationDataReader):  # type: ignore[misc]
         inference_width = properties.get(PREFIX + "inference_width")
         for index in tqdm(indices, desc="measuring ranges", unit="pair"):
             sample = reader[index]
-            factor = reduction(sample.left.shape[1], None if inference_width is None else int(inference_width))
-            feed = {}
-            for name, view in (("left", sample.left), ("right", sample.right)):
-                padded = pad_to_multiple(planar(reduced_view(view, factor))[None].float(), multiple)
-                feed[name] = padded.numpy().astype(np.uint8)
-            yield feed
+            height, width = sample.left.shape[:2]
+            size = seen_size(width, height, None if inference_width is None else int(inference_width))
+            views = seen_views(sample.left, sample.right, size, multiple)
+            yield {name: view[None] for name, view in zip(("left", "right"), views, strict=True)}

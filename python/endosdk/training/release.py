@@ -15,14 +15,15 @@ from endosdk.training.export import ModelInfo, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import describe_quantised, quantize_model
-from endosdk.training.train import split_pairs
+from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.validation import full_scores
 
 RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges of 8-bit integers
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.
 RECIPE = (
-    "inference_width train_pairs held_out loss balance coarse_weight optimiser rate final_rate decay steps batch crop "
-    "refine_from_step refine_crop refine_only answer_cell augment seed"
+    "inference_width dense_disparity mode_reach train_pairs held_out loss balance volume_weight coarse_weight "
+    "optimiser rate final_rate decay steps batch crop refine_from_step refine_crop refine_only answer_cell augment "
+    "looks seed"
 ).split()
 
 
@@ -78,7 +79,7 @@ def _test_split(trained: Checkpoint, data: Path | None, layout: str) -> DatasetR
     if data is None:
         if not trained.config.data:
             raise InvalidArgument("data", "must be given: weights alone do not say where their data lies", "nothing")
-        data, layout = Path(trained.config.data), trained.config.layout
+        return open_sets(trained.config.data, "test", trained.config.layout)
     reader = open_dataset(data, "test", layout=layout)
     require_pairs(reader)
     return reader
@@ -89,6 +90,6 @@ def _range_pairs(trained: Checkpoint) -> tuple[DatasetReader, list[int]]:
     if not trained.config.data:
         rule = "needs the pairs that were trained on, and weights alone do not say where they lie: export the run"
         raise InvalidArgument("int8", rule, trained.config.network)
-    reader = open_dataset(Path(trained.config.data), "train", layout=trained.config.layout)
+    reader = open_sets(trained.config.data, "train", trained.config.layout)
     pairs, _ = split_pairs(reader, trained.config)
     return reader, pairs[:: max(1, len(pairs) // RANGE_PAIRS)]

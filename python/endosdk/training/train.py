@@ -21,22 +21,20 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.datasets.dataset import DatasetReader
-from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument, ProviderUnavailable, StorageFailed
-from endosdk.evaluation.methods import require_pairs
 from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
 from endosdk.training.data import Crops, has_truth
-from endosdk.training.loss import build_loss
+from endosdk.training.loss import build_loss, volume_cross_entropy
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks.base import Prediction, Window
 from endosdk.training.optimisers import build_optimiser
+from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.upsampling import on_input_grid
 from endosdk.training.validation import mean_errors
 
-LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined")
+LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined", "volume")
 
 
 def train(config: TrainConfig, out: Path, *, resume: bool = False) -> Path:
@@ -71,9 +69,7 @@ class Run:
         # The checkpoint says what was done, whatever may be usual one day.
         self.config = replace(config, crop=self.crop)
         self.loss = build_loss(config.loss, config.balance)
-        if not config.data:
-            raise InvalidArgument("data", "must name the folder of a data set", "nothing")
-        self.reader = open_dataset(Path(config.data), "train", layout=config.layout)
+        self.reader = open_sets(config.data, "train", config.layout)
         self.train_pairs, self.held_out = split_pairs(self.reader, config)
         self.crops = Crops(
             self.reader,
@@ -81,6 +77,7 @@ class Run:
             self.crop,
             seed=config.seed,
             augment=config.augment,
+            looks=config.looks,
             cache_gib=config.cache_gib,
             inference_width=self.network.inference_width,
         )
@@ -171,6 +168,8 @@ class Run:
             prediction: Prediction = model(left, right, refined=refined, window=window)
         maps = on_input_grid(self.network, prediction, left if window is None else window.of(left), refined=refined)
         report = self._losses(maps, truth, window, refined)
+        if self.config.volume_weight:
+            self._add_volume_loss(report, prediction, truth)
         report["loss"].backward()  # type: ignore[no-untyped-call]
         if self.config.clip > 0:
             nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip)
@@ -194,6 +193,15 @@ class Run:
                 name = "epe_refined" if index else "epe_coarse"
                 report[name] = (found.detach() - wanted)[mask].abs().mean()
         return {"loss": total, **report}
+
+    def _add_volume_loss(self, report: dict[str, Tensor], prediction: Prediction, truth: Tensor) -> None:
+        if prediction.cost is None:
+            raise InvalidArgument("volume_weight", "is for the network fast", self.config.network)
+        candidates = torch.tensor(self.network.candidates, dtype=torch.float32, device=self.device)
+        mask = has_truth(truth, self.config.max_disparity)
+        loss = volume_cross_entropy(prediction.cost, truth, mask, candidates)
+        report["loss"] = report["loss"] + self.config.volume_weight * loss
+        report["volume"] = loss.detach()
 
     def _window(self) -> Window | None:
         if self.config.refine_crop is None:
@@ -269,21 +277,6 @@ class Run:
         """Say which data the run sees: ``pairs`` counts those that it learns from, ``held_out`` those it does not."""
         counts = {"pairs": len(self.train_pairs), "held_out": len(self.held_out)}
         return {"name": self.reader.name, "sha256": self.reader.sha256, **counts}
-
-
-def split_pairs(reader: DatasetReader, config: TrainConfig) -> tuple[list[int], list[int]]:
-    """Return the indices trained on and those held out, the last ones of the split.
-
-    Raises InvalidArgument when there are not as many as the settings ask for.
-    """
-    require_pairs(reader)
-    border = len(reader) - config.held_out
-    if border < 1:
-        raise InvalidArgument("held_out", f"must leave some of the {len(reader)} pairs to train on", config.held_out)
-    wanted = border if config.train_pairs is None else config.train_pairs
-    if wanted > border:
-        raise InvalidArgument("train_pairs", f"must be at most {border}: the pairs that are not held out", wanted)
-    return list(range(wanted)), list(range(border, len(reader)))
 
 
 def bf16_pays(device: torch.device) -> bool:

@@ -16,8 +16,7 @@ from tqdm import tqdm
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.errors import DatasetInvalid, InferenceFailed
 from endosdk.evaluation.scores import ScoreBoard
-from endosdk.training.data import planar
-from endosdk.training.frame_size import reduced_view, reduction
+from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.networks.base import StereoNetwork
 from endosdk.training.upsampling import on_input_grid, to_input_grid
 
@@ -28,7 +27,7 @@ class Frame(NamedTuple):
     sample: Sample
     maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W], px of the frame
     evidence: Tensor  # [K, H, W]
-    reduction: int  # pixels of the frame per pixel that the network saw
+    reduction: float  # pixels of the frame per pixel that the network saw
 
 
 def pad_to_multiple(image: Tensor, multiple: int) -> Tensor:
@@ -46,26 +45,27 @@ def predict_frames(
     network.eval()
     for index in tqdm(indices, desc=title, unit="pair", disable=not title, leave=False):
         sample = reader[index]
-        factor = reduction(sample.left.shape[1], network.inference_width)
-        left, right = (
-            pad_to_multiple(planar(reduced_view(view, factor))[None].to(device, torch.float32), network.input_multiple)
-            for view in (sample.left, sample.right)
-        )
+        size = seen_size(sample.left.shape[1], sample.left.shape[0], network.inference_width)
+        factor = sample.left.shape[1] / size[0]
+        views = seen_views(sample.left, sample.right, size, network.input_multiple)
+        left, right = (torch.from_numpy(view)[None].to(device, torch.float32) for view in views)
         prediction = network(left, right, refined=refined)
         maps = [
-            factor * _to_frame(found, factor, sample)[0].numpy()
+            factor * _to_frame(found, size, sample)[0].numpy()
             for found in on_input_grid(network, prediction, left, refined=refined)
         ]
-        evidence = _to_frame(network.on_answer_grid(prediction.evidence), network.output_stride * factor, sample)
+        evidence = to_input_grid(network.on_answer_grid(prediction.evidence), network.output_stride)
+        evidence = _to_frame(evidence, size, sample)
         yield Frame(sample, maps, evidence, factor)
 
 
-def _to_frame(values: Tensor, stride: int, sample: Sample) -> Tensor:
-    """Enlarge [1, C, h, w] to the frame [C, H, W]; rows and columns beyond the grid repeat the last."""
+def _to_frame(values: Tensor, size: tuple[int, int], sample: Sample) -> Tensor:
+    """Cut [1, C, h, w] to the ``size`` (width, height) that is no padding, and enlarge it to the frame [C, H, W]."""
+    inside = values[..., : size[1], : size[0]]
     height, width = sample.left.shape[:2]
-    whole = to_input_grid(values, stride)
-    missing = (0, max(0, width - whole.shape[3]), 0, max(0, height - whole.shape[2]))
-    return F.pad(whole, missing, mode="replicate")[0, :, :height, :width].cpu()
+    if (width, height) != size:
+        inside = F.interpolate(inside, size=(height, width), mode="bilinear", align_corners=False)
+    return inside[0].cpu()
 
 
 def mean_errors(

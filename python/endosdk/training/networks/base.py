@@ -49,6 +49,7 @@ class Coarse(NamedTuple):
     context: Tensor  # [N, C, h, w], what the refinement knows of the left view
     hints: Tensor | None = None  # [N, C, h, w], what else it may know
     step: Tensor | None = None  # [N, C, h, w], px, what it may add to the answer as it is
+    cost: Tensor | None = None  # of the candidates of the whole input, as `Prediction.cost`
 
 
 class Prediction(NamedTuple):
@@ -56,6 +57,9 @@ class Prediction(NamedTuple):
 
     disparities: list[Tensor]  # each [N, 1, H/s, W/s], px at the input width; a windowed one has the window's size
     evidence: Tensor  # [N, K, h, w] of the last map, on the coarse grid; no gradient flows through it
+    # [N, D, r^2, h/r, w/r] of the D candidates, where the network searches planes on a grid r times coarser than that
+    # of the coarse map; the cells of the coarse map are channels, as `pixel_shuffle` takes them
+    cost: Tensor | None = None
 
 
 class StereoNetwork(nn.Module, ABC):
@@ -69,6 +73,7 @@ class StereoNetwork(nn.Module, ABC):
     answer_cell: int = 1  # answers, along both axes, of which the deployed form gives the mean
     refine_margin: int  # how far the refinement looks, in input pixels, up to a multiple of ``input_multiple``
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
+    candidates: tuple[int, ...] = ()  # disparities of the planes that `Prediction.cost` is about, input px
     plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
     inference_width: int | None = None  # width at which frames are to be seen, px; None: any
     # Height and width of a training crop, px: wide, so that the band without a match on the left stays small.
@@ -116,16 +121,16 @@ class StereoNetwork(nn.Module, ABC):
         """
         coarse = self.coarse(left, right)
         if not refined:
-            return Prediction([self.on_answer_grid(coarse.disparity)], coarse.evidence)
+            return Prediction([self.on_answer_grid(coarse.disparity)], coarse.evidence, coarse.cost)
         if window is None:
-            return self.refine(coarse)
+            return self.refine(coarse)._replace(cost=coarse.cost)
         seen = window.grown(self.refine_margin, *left.shape[-2:])
-        parts = (None if part is None else seen.of(part, self.coarse_stride) for part in coarse)
+        parts = (None if part is None else seen.of(part, self.coarse_stride) for part in coarse[:-1])
         prediction = self.refine(Coarse(*parts))  # type: ignore[arg-type]
         asked = window.within(seen)
         fine = [asked.of(disparity, self.output_stride) for disparity in prediction.disparities[1:]]
         evidence = asked.of(prediction.evidence, self.coarse_stride)
-        return Prediction([self.on_answer_grid(coarse.disparity), *fine], evidence)
+        return Prediction([self.on_answer_grid(coarse.disparity), *fine], evidence, coarse.cost)
 
     def on_answer_grid(self, values: Tensor) -> Tensor:
         """Bring values of the coarse grid to the grid of the answer."""

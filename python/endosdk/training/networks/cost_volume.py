@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -42,15 +44,44 @@ class Aggregation(nn.Module):
         return cost.squeeze(1).permute(0, 2, 3, 1)
 
 
+@dataclass(frozen=True)
+class Planes:
+    """Candidate disparities, in cells of the matching grid: first every cell, from ``dense`` on every second one.
+
+    Depth is known as well with fewer planes where surfaces are near: a cell there is a small part of the disparity.
+    """
+
+    dense: int
+    sparse: int = 0
+
+    def __len__(self) -> int:
+        return self.dense + self.sparse
+
+    @property
+    def shifts(self) -> tuple[int, ...]:
+        """The candidates, from far to near."""
+        return (*range(self.dense), *range(self.dense, self.dense + 2 * self.sparse, 2))
+
+    def gap_variance(self, mean: Tensor) -> Tensor:
+        """Return the variance of a distribution over the two planes around ``mean``, in cells, whose mean it is."""
+        gap = torch.where(mean < self.dense, 1.0, 2.0) if self.sparse else torch.ones_like(mean)
+        place = (mean - self.dense) / gap
+        fraction = place - place.floor()
+        return fraction * (1.0 - fraction) * gap * gap
+
+
 class SoftArgmin(NamedTuple):
-    """Mean of the disparity distribution and its spread beyond what lies between two planes, in planes."""
+    """Mean of the disparity distribution and its spread beyond what lies between two planes, in cells."""
 
     disparity: Tensor  # [N, 1, h, w]
     excess: Tensor  # [N, 1, h, w], variance, >= 0
 
 
-def soft_argmin(cost: Tensor) -> SoftArgmin:
-    """Reduce cost [N, h, w, D] to the mean plane under softmax(-cost), and the excess variance.
+def soft_argmin(cost: Tensor, planes: Planes | None = None, reach: int | None = None) -> SoftArgmin:
+    """Reduce cost [N, h, w, D] to the mean candidate under softmax(-cost), and the excess variance.
+
+    ``planes`` are the D candidates, by default 0..D-1. With ``reach`` the mean is that of the likeliest candidate and
+    so many on either side of it: of a distribution with two peaks, the answer is one of them and nothing in between.
 
     A distribution that says "exactly here" still has the variance f(1 - f) when the answer lies the fraction f
     between two planes. Only what exceeds that is doubt.
@@ -59,24 +90,36 @@ def soft_argmin(cost: Tensor) -> SoftArgmin:
     a disparity in steps of a quarter of a pixel.
     """
     cost = cost.to(torch.promote_types(cost.dtype, torch.float32))
+    planes = planes or Planes(cost.shape[-1])
     kind = cost.device.type
     with torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext():
-        index = torch.arange(cost.shape[-1], dtype=cost.dtype, device=cost.device)
-        moments = torch.softmax(-cost, dim=-1) @ torch.stack([index, index * index], dim=1)
-    return _of_moments(moments[..., 0].unsqueeze(1), moments[..., 1].unsqueeze(1))
+        value = torch.tensor(planes.shifts, dtype=cost.dtype, device=cost.device)
+        weights = torch.softmax(-cost, dim=-1)
+        moments = weights @ torch.stack([value, value * value], dim=1)
+        mean, square = moments[..., :1], moments[..., 1:]
+        doubt = square.detach() - mean.detach() ** 2 - planes.gap_variance(mean.detach())
+        if reach is not None:
+            index = torch.arange(len(planes), device=cost.device)
+            near = (index - cost.detach().argmin(dim=-1, keepdim=True)).abs() <= reach
+            weights = weights * near
+            mean = (weights @ value[:, None]) / weights.sum(dim=-1, keepdim=True)
+    return SoftArgmin(*(part.squeeze(-1).unsqueeze(1) for part in (mean, doubt.clamp_min(0.0))))
 
 
-def soft_argmin_of_planes(cost: Tensor, plane: Tensor) -> SoftArgmin:
-    """Do the same for cost [N, D, M] of the planes ``plane`` [D], which runtimes do with less to move; [N, 1, M]."""
+def soft_argmin_of_planes(cost: Tensor, planes: Planes, order: Sequence[int], reach: int | None = None) -> SoftArgmin:
+    """Do the same for cost [N, D, M] of the planes in this ``order``, with less for runtimes to move; [N, 1, M]."""
+    value = torch.tensor(planes.shifts)[list(order)].to(cost)
     weights = torch.exp(cost.amin(dim=1, keepdim=True) - cost)
-    moments = torch.stack([torch.ones_like(plane), plane, plane * plane]) @ weights
+    moments = torch.stack([torch.ones_like(value), value, value * value]) @ weights
     total, first, second = torch.split(moments, 1, dim=1)
-    return _of_moments(first / total, second / total)
-
-
-def _of_moments(mean: Tensor, square: Tensor) -> SoftArgmin:
-    fraction = mean.detach() - mean.detach().floor()
-    excess = square.detach() - mean.detach() ** 2 - fraction * (1.0 - fraction)
+    mean = first / total
+    excess = second / total - mean**2 - planes.gap_variance(mean)
+    if reach is not None:
+        index = torch.tensor(order).to(cost)
+        likeliest = index[cost.argmin(dim=1, keepdim=True)]
+        near = torch.where((index[:, None] - likeliest).abs() <= reach, weights, 0.0)
+        total, first = torch.split(torch.stack([torch.ones_like(value), value]) @ near, 1, dim=1)
+        mean = first / total
     return SoftArgmin(mean, excess.clamp_min(0.0))
 
 

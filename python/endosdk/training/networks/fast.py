@@ -17,6 +17,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from endosdk.errors import InvalidArgument
 from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, check_max_disparity
 from endosdk.training.networks.blocks import (
     ConvNorm,
@@ -26,7 +27,7 @@ from endosdk.training.networks.blocks import (
     scaled_colours,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.cost_volume import SoftArgmin, match_evidence, soft_argmin
+from endosdk.training.networks.cost_volume import Planes, SoftArgmin, match_evidence, soft_argmin
 from endosdk.training.networks.fast_export import ByteRows, PairedLayers, PairedVolume, over_byte_rows
 from endosdk.training.networks.photometric import brightness, moments, step
 
@@ -65,28 +66,46 @@ class Fast(StereoNetwork):
     default_crop = (256, 384)  # of frames of 4:3, which it sees 360 px high
     hint_unit = 1.0  # planes; of the disparity that the refinement is told
 
-    def __init__(self, max_disparity: int = 48, shape: Shape | None = None) -> None:
-        """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8."""
+    def __init__(
+        self,
+        max_disparity: int = 48,
+        shape: Shape | None = None,
+        *,
+        dense_disparity: int | None = None,
+        mode_reach: int | None = None,
+    ) -> None:
+        """Build with random weights; ``max_disparity`` in input px, a positive multiple of 8.
+
+        From ``dense_disparity`` on, a multiple of 8, planes are 8 px apart instead of 4; there are an even number of
+        them, because the deployed form computes two at a time. ``mode_reach`` as in `soft_argmin`.
+        """
         super().__init__()
         shape = shape or Shape()
         self.max_disparity = check_max_disparity(max_disparity, CELL * HALVED)
+        self.planes = candidate_planes(self.max_disparity, dense_disparity)
+        self.candidates = tuple(CELL * shift for shift in self.planes.shifts)
         self.pixels = Pixels()
         # Patches that do not overlap need no padding, so the scaling of colours folds into the first weights.
         self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
-        self.volume = DifferenceVolume(shape.stem, shape.volume, self.max_disparity // CELL)
-        self.aggregation = PlaneLayers(shape.volume, shape.layers)
+        self.volume = DifferenceVolume(shape.stem, shape.volume, self.planes)
+        self.aggregation = PlaneLayers(shape.volume, shape.layers, self.planes, mode_reach)
         self.refinement = Refinement(shape)
         reach = CELL * (1 + 2 * shape.refine_layers + 4 * shape.wide_layers + 1)
         self.refine_margin = -(-reach // self.input_multiple) * self.input_multiple
         self.confidence = ConfidenceHead(channels=5)
+
+    @property
+    def max_candidate_disparity(self) -> int:
+        """The largest disparity there is a plane for, input px."""
+        return self.candidates[-1]
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8, give the answer at 1/4, and compare the pictures there."""
         values, bright = self.pixels(torch.cat([left, right]))
         views = self.features(self.stem(values))
         pairs = left.shape[0]
-        found = self.aggregation(self.volume(views[:pairs], views[pairs:]))
+        found, cost = self.aggregation(self.volume(views[:pairs], views[pairs:]))
         disparity = found.disparity * CELL
         compared = moments(bright[:pairs], bright[pairs:], disparity.detach(), STRIDE)
         cells = F.avg_pool2d(compared, FINE)
@@ -94,7 +113,7 @@ class Fast(StereoNetwork):
         shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
         hints = [shuffled, narrow.step, narrow.texture, wide.step, found.disparity / self.hint_unit]
         evidence = torch.cat([match_evidence(found, CELL), narrow.spread], dim=1)
-        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), shuffled[:, : FINE**2])
+        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), shuffled[:, : FINE**2], cost)
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Take the step that the pictures ask for where it is to be believed, add what edges tell, and rectify."""
@@ -118,14 +137,29 @@ class Fast(StereoNetwork):
         fold_colour_scaling(stem.conv)
         form.pixels = ByteRows(CELL)  # type: ignore[assignment]
         form.stem = nn.Sequential(over_byte_rows(stem.conv), stem.activation)  # type: ignore[assignment]
-        form.volume = PairedVolume(volume.match, volume.planes)  # type: ignore[assignment]
-        form.aggregation = PairedLayers([layer.conv for layer in layers.layers], layers.cost)  # type: ignore
+        form.volume = PairedVolume(volume.match, self.planes)  # type: ignore[assignment]
+        convolutions = [layer.conv for layer in layers.layers]
+        form.aggregation = PairedLayers(convolutions, layers.cost, self.planes, layers.mode_reach)  # type: ignore
         form.reads_bytes = True
         # All hints have one 8-bit scale, of which the disparity would leave the others little.
         form.hint_unit = WIDE_UNIT
         with torch.no_grad():
             form.refinement.hints.weight[:, -1] *= WIDE_UNIT
         return form
+
+
+def candidate_planes(max_disparity: int, dense_disparity: int | None) -> Planes:
+    """Return the planes up to ``max_disparity``, 4 px apart up to ``dense_disparity`` and 8 px beyond it."""
+    if dense_disparity is None:
+        return Planes(max_disparity // CELL)
+    step = CELL * HALVED
+    if dense_disparity % step or not 0 < dense_disparity <= max_disparity:
+        rule = f"must be a multiple of {step} of at most max_disparity {max_disparity}"
+        raise InvalidArgument("dense_disparity", rule, dense_disparity)
+    if (max_disparity - dense_disparity) % (2 * step):
+        rule = f"must lie a multiple of {2 * step} px below max_disparity {max_disparity}"
+        raise InvalidArgument("dense_disparity", rule, dense_disparity)
+    return Planes(dense_disparity // CELL, (max_disparity - dense_disparity) // step)
 
 
 class Pixels(nn.Module):
@@ -139,7 +173,7 @@ class Pixels(nn.Module):
 class DifferenceVolume(nn.Module):
     """Differences of matching features for every shift of whole cells, on a grid of half the size."""
 
-    def __init__(self, inputs: int, channels: int, planes: int) -> None:
+    def __init__(self, inputs: int, channels: int, planes: Planes) -> None:
         super().__init__()
         self.planes = planes
         self.match = nn.Conv2d(inputs, channels, 3, stride=HALVED, padding=1)
@@ -150,24 +184,30 @@ class DifferenceVolume(nn.Module):
         # Centred one cell further left: two columns of padding before and none behind.
         odd = F.conv2d(F.pad(right, (2, 0, 1, 1)), self.match.weight, self.match.bias, stride=HALVED)
         own = self.match(left).unsqueeze(1)
-        room = (self.planes - 1) // HALVED
+        shifts = self.planes.shifts
+        room = shifts[-1] // HALVED
         # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
         padded = [torch.cat([view[..., :1]] * room + [view], dim=-1) for view in (even, odd)]
-        shifts = [(padded[plane % HALVED], plane // HALVED) for plane in range(self.planes)]
-        shifted = torch.stack([view[..., room - k : (-k or None)] for view, k in shifts], dim=1)
+        moved = [(padded[shift % HALVED], shift // HALVED) for shift in shifts]
+        shifted = torch.stack([view[..., room - k : (-k or None)] for view, k in moved], dim=1)
         return torch.relu(own - shifted)
 
 
 class PlaneLayers(nn.Module):
     """3x3x3 convolutions over the volume, written as 2-D ones over each plane and its two neighbours."""
 
-    def __init__(self, channels: int, layers: int) -> None:
+    def __init__(self, channels: int, layers: int, planes: Planes, mode_reach: int | None) -> None:
         super().__init__()
+        self.planes = planes
+        self.mode_reach = mode_reach
         self.layers = nn.ModuleList(ConvNorm(3 * channels, channels, slope=ROUGH_SLOPE) for _ in range(layers))
         self.cost = nn.Conv2d(channels, HALVED**2, 1)
 
-    def forward(self, volume: Tensor) -> SoftArgmin:
-        """Map the volume [N, D, C, h, w] to its answer on a grid of twice the size, in planes."""
+    def forward(self, volume: Tensor) -> tuple[SoftArgmin, Tensor]:
+        """Map the volume [N, D, C, h, w] to its answer on a grid of twice the size, in cells, and the cost.
+
+        The cost [N, D, 4, h, w] has the four cells of that grid as channels, as `pixel_shuffle` takes them.
+        """
         pairs, planes = volume.shape[:2]
         # The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
         around = torch.arange(planes).view(-1, 1) + torch.arange(-1, 2)
@@ -177,8 +217,9 @@ class PlaneLayers(nn.Module):
             volume = torch.unflatten(layer(neighbours.flatten(0, 1)), 0, (pairs, planes))
         cost = torch.unflatten(self.cost(volume.flatten(0, 1)), 0, (pairs, planes))
         # The sums over planes come before the larger grid, which would be twelve times as much to move.
-        found = soft_argmin(cost.permute(0, 2, 3, 4, 1).flatten(0, 1))
-        return SoftArgmin(*(F.pixel_shuffle(torch.unflatten(v.squeeze(1), 0, (pairs, -1)), HALVED) for v in found))
+        found = soft_argmin(cost.permute(0, 2, 3, 4, 1).flatten(0, 1), self.planes, self.mode_reach)
+        maps = (F.pixel_shuffle(torch.unflatten(v.squeeze(1), 0, (pairs, -1)), HALVED) for v in found)
+        return SoftArgmin(*maps), cost
 
 
 class Refinement(nn.Module):

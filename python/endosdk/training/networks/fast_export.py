@@ -12,7 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from endosdk.training.networks.cost_volume import SoftArgmin, soft_argmin_of_planes
+from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin_of_planes
 from endosdk.training.networks.photometric import brightness
 
 PAIR = 2  # planes that are computed together
@@ -46,13 +46,13 @@ def over_byte_rows(conv: nn.Module) -> nn.Conv2d:
 class PairedVolume(nn.Module):
     """Differences of matching features, two planes together: from left and right maps [N, C, h, w].
 
-    ``match`` is the convolution of stride 2 whose results are compared: shifts of even planes are whole cells of it,
-    those of odd planes are its results one input column further left.
+    ``match`` is the convolution of stride 2 whose results are compared: even shifts are whole cells of it, odd ones are
+    its results one input column further left.
     """
 
-    def __init__(self, match: nn.Conv2d, planes: int) -> None:
+    def __init__(self, match: nn.Conv2d, planes: Planes) -> None:
         super().__init__()
-        self.pairs = planes // PAIR
+        self.planes = planes
         outputs, inputs = match.weight.shape[:2]
         assert match.bias is not None
         self.left = nn.Conv2d(inputs, PAIR * outputs, 3, stride=2, padding=1)
@@ -69,18 +69,24 @@ class PairedVolume(nn.Module):
         """Give the volume [N, planes/2, 2 channels, h/2, w/2]."""
         own = self.left(left).unsqueeze(1)
         other = self.right(F.pad(right, (2, 1, 1, 1)))
-        room = self.pairs - 1
+        dense = self.planes.dense // PAIR
+        room = self.planes.shifts[-1] // PAIR
         # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
         padded = torch.cat([other[..., :1]] * room + [other], dim=-1)
-        shifted = [padded[..., room - shift : (-shift or None)] for shift in range(self.pairs)]
-        return torch.relu(own + torch.unflatten(torch.cat(shifted, dim=1), 1, (self.pairs, -1)))
+        shifted = [padded[..., room - shift : (-shift or None)] for shift in range(dense)]
+        if self.planes.sparse:
+            even = padded[:, : padded.shape[1] // PAIR]  # every second shift is an even one
+            shifted += [even[..., room - shift : -shift] for shift in range(dense, room + 1)]
+        return torch.relu(own + torch.unflatten(torch.cat(shifted, dim=1), 1, (len(self.planes) // PAIR, -1)))
 
 
 class PairedLayers(nn.Module):
     """3x3x3 convolutions over a volume of paired planes, each as a 2-D one over a pair and its two neighbours."""
 
-    def __init__(self, layers: list[nn.Conv2d], cost: nn.Conv2d) -> None:
+    def __init__(self, layers: list[nn.Conv2d], cost: nn.Conv2d, planes: Planes, mode_reach: int | None) -> None:
         super().__init__()
+        self.planes = planes
+        self.mode_reach = mode_reach
         self.layers = nn.ModuleList(_over_pairs(conv) for conv in layers)
         self.per_cell = cost.out_channels
         # Costs matter by their differences from plane to plane, in which the bias cancels.
@@ -90,8 +96,8 @@ class PairedLayers(nn.Module):
             padded[place, 0, place] = weight
         self.register_buffer("costs", padded.flatten(2, 3))
 
-    def forward(self, volume: Tensor) -> SoftArgmin:
-        """Map the volume [N, D/2, 2 C, h, w] to its answer, in planes, on a grid of twice the size."""
+    def forward(self, volume: Tensor) -> tuple[SoftArgmin, None]:
+        """Map the volume [N, D/2, 2 C, h, w] to its answer, in cells, on a grid of twice the size; no cost is kept."""
         count, pairs, both, height, width = volume.shape
         channels = both // PAIR
         # The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
@@ -104,10 +110,10 @@ class PairedLayers(nn.Module):
         cells = result.permute(0, 2, 3, 1).reshape(count, 1, pairs, height * width, both)
         # First the even planes, then the odd ones: so nothing has to be moved.
         cost = (cells @ self.get_buffer("costs")).reshape(count, PAIR * pairs, height * width * self.per_cell)
-        plane = torch.cat([torch.arange(place, pairs * PAIR, PAIR) for place in range(PAIR)])
-        found = soft_argmin_of_planes(cost, plane.to(cost))
+        order = [plane for place in range(PAIR) for plane in range(place, pairs * PAIR, PAIR)]
+        found = soft_argmin_of_planes(cost, self.planes, order, self.mode_reach)
         maps = (value.reshape(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
-        return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps))
+        return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps)), None
 
 
 def _over_pairs(conv: nn.Conv2d) -> nn.Conv2d:

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from endosdk.errors import InvalidArgument
+from endosdk.training.config import TrainConfig
+from endosdk.training.sets import JoinedReader, open_sets, split_pairs
+from tests.training.warped_set import write_warped_set
+
+
+@pytest.fixture(scope="module")
+def roots(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sets")
+    for name, pairs in (("small", 3), ("large", 5)):
+        write_warped_set(folder / name, pairs, 1, (64, 128), (3.0, 20.0))
+    return str(folder / "small"), str(folder / "large")
+
+
+def test_several_sets_read_as_one(roots):
+    reader = open_sets(roots, "train", "endosdk")
+    parts = [open_sets([root], "train", "endosdk") for root in roots]
+    assert isinstance(reader, JoinedReader)
+    assert len(reader) == 8
+    assert reader.name == "small + large"
+    for index, (part, place) in enumerate([(parts[0], i) for i in range(3)] + [(parts[1], i) for i in range(5)]):
+        np.testing.assert_array_equal(reader[index].left, part[place].left)
+        assert reader.ids[index].endswith(part.ids[place])
+    assert reader.sha256 not in (part.sha256 for part in parts)
+    assert reader.sha256 != open_sets(roots[::-1], "train", "endosdk").sha256
+    with pytest.raises(InvalidArgument, match="data"):
+        open_sets([], "train", "endosdk")
+
+
+def test_the_last_pairs_of_every_set_are_held_out(roots):
+    reader = open_sets(roots, "train", "endosdk")
+    learned, held_out = split_pairs(reader, TrainConfig(held_out=2))
+    assert learned == [0, 3, 4, 5]
+    assert held_out == [1, 2, 6, 7]
+    assert split_pairs(reader, TrainConfig(held_out=2, train_pairs=3))[0] == [0, 3, 4]
+    with pytest.raises(InvalidArgument, match=r"held_out: .* of small"):
+        split_pairs(reader, TrainConfig(held_out=3))
