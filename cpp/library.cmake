@@ -11,7 +11,7 @@ set(build_info ${CMAKE_CURRENT_BINARY_DIR}/build_info.cpp)
 add_custom_target(
   endosdk_build_info
   COMMAND
-    ${CMAKE_COMMAND} -D "SOURCE=${PROJECT_SOURCE_DIR}" -D "TEMPLATE=${CMAKE_CURRENT_SOURCE_DIR}/src/build_info.cpp.in"
+    ${CMAKE_COMMAND} -D "SOURCE=${PROJECT_SOURCE_DIR}" -D "TEMPLATE=${CMAKE_CURRENT_SOURCE_DIR}/src/library/build_info.cpp.in"
     -D "OUTPUT=${build_info}" -D "ENDOSDK_VERSION=${ENDOSDK_VERSION}" -D
     "ENDOSDK_COMPILER=${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}" -D "ENDOSDK_BUILD_TYPE=$<CONFIG>" -D
     "ENDOSDK_SANITIZE=${ENDOSDK_SANITIZE}" -D "ENDOSDK_TARGET=${CMAKE_SYSTEM_NAME} ${CMAKE_SYSTEM_PROCESSOR}" -D
@@ -22,23 +22,11 @@ add_custom_target(
 
 add_library(
   endosdk_objects OBJECT
-  src/capi.cpp
-  src/capi_structs.cpp
-  src/estimator.cpp
-  src/json.cpp
-  src/latency.cpp
-  src/maps.cpp
-  src/model.cpp
-  src/model_weights.cpp
-  src/rectify_stage.cpp
-  src/rig.cpp
-  src/rig_content.cpp
-  src/rig_rules.cpp
-  src/runtime.cpp
-  src/self_test.cpp
-  src/session.cpp
-  src/session_interface.cpp
-  src/sha256.cpp
+  src/library/capi.cpp
+  src/library/capi_structs.cpp
+  src/library/ort_session.cpp
+  src/library/runtime.cpp
+  src/library/session_interface.cpp
   ${build_info})
 add_dependencies(endosdk_objects endosdk_build_info)
 target_include_directories(endosdk_objects PUBLIC include src)
@@ -49,7 +37,7 @@ target_compile_options(endosdk_objects PRIVATE -ffile-prefix-map=${ONNXRUNTIME_I
 
 if(ENDOSDK_BUILD_TESTS)
   # The ABI check reads the types of the interface from here.
-  set_source_files_properties(src/capi.cpp PROPERTIES COMPILE_OPTIONS -g)
+  set_source_files_properties(src/library/capi.cpp PROPERTIES COMPILE_OPTIONS -g)
 endif()
 
 if(BUILD_SHARED_LIBS)

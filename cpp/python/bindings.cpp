@@ -9,15 +9,15 @@
 #include <string>
 #include <tuple>
 
-#include "calibration.hpp"
-#include "errors.hpp"
-#include "image.hpp"
+#include "geometry/stereo_rectify.hpp"
+#include "platform/errors.hpp"
+#include "images/image.hpp"
 #include "kernels/kernels.hpp"
-#include "network_size.hpp"
-#include "postprocess.hpp"
-#include "rectify.hpp"
-#include "resize.hpp"
-#include "threads.hpp"
+#include "frame_path/network_size.hpp"
+#include "maps/postprocess.hpp"
+#include "images/rectify.hpp"
+#include "images/resize.hpp"
+#include "platform/threads.hpp"
 
 namespace py = pybind11;
 
@@ -262,7 +262,7 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
                        const OptionalArray& image, const OptionalArray& valid_left, const OptionalArray& valid_right,
                        float min_confidence, OptionalArray out_depth, OptionalArray out_sigma, double focal_px,
                        double baseline_mm, double doffs, double min_depth_mm, double max_depth_mm, double image_scale_y,
-                       double image_scale_x, double last_plane, const OptionalArray& right_image, bool same_frames,
+                       double image_scale_x, double max_candidate_disparity, const OptionalArray& right_image, bool same_frames,
                        double right_shift) {
   PostprocessOutput out;
   out.disparity = float_output(out_disparity, "out_disparity");
@@ -280,7 +280,7 @@ int postprocess_arrays(const py::array& disparity, const py::array& confidence, 
   in.scale = {scale_y, scale_x};
   in.gain = gain;
   in.min_confidence = min_confidence;
-  in.last_plane = last_plane;
+  in.max_candidate_disparity = max_candidate_disparity;
   // The images are only read; the view's type is shared with outputs.
   if (image) in.left = planar_view(*image, const_cast<void*>(image->data()), "image");
   if (right_image) in.right = planar_view(*right_image, const_cast<void*>(right_image->data()), "right_image");
@@ -312,12 +312,12 @@ void bind_rectification(py::module_& m) {
         arg("T"), arg("width"), arg("height"), arg("alpha"),
         "Rectifying rotations R1, R2 and projections P1, P2 of a rig, as OpenCV computes them.");
   m.def(
-      "usual_network_size",
-      [](int width, int height, int usual_width) {
-        const Size size = usual_network_size({width, height}, usual_width);
+      "network_size_of",
+      [](int width, int height, int inference_width) {
+        const Size size = network_size_of({width, height}, inference_width);
         return std::make_tuple(size.width, size.height);
       },
-      arg("width"), arg("height"), arg("usual_width"), "Size at which the network sees a frame when the caller sets none.");
+      arg("width"), arg("height"), arg("inference_width"), "Size at which the network sees a frame when the caller sets none.");
   m.def("undistort_map", &undistort_map, arg("model"), arg("K"), arg("D"), arg("R"), arg("P"), arg("width"),
         arg("height"), "Raw x and y of every rectified pixel, float32; NaN for rays that point backwards.");
   py::class_<Rectifier>(m, "Rectifier", "Turns raw pairs into rectified planar RGB; immutable once built.")
@@ -342,7 +342,7 @@ void bind_maps(py::module_& m) {
         arg("valid_right"), arg("min_confidence"), arg("out_depth") = py::none(), arg("out_sigma") = py::none(),
         arg("focal_px") = 0.0, arg("baseline_mm") = 0.0, arg("doffs") = 0.0, arg("min_depth_mm") = 0.0,
         arg("max_depth_mm") = std::numeric_limits<double>::infinity(), arg("image_scale_y") = 1.0,
-        arg("image_scale_x") = 1.0, arg("last_plane") = 0.0, arg("right_image") = py::none(), arg("same_frames") = false, arg("right_shift") = 0.0,
+        arg("image_scale_x") = 1.0, arg("max_candidate_disparity") = 0.0, arg("right_image") = py::none(), arg("same_frames") = false, arg("right_shift") = 0.0,
         "Fill the full-size maps of one frame; returns the number of usable pixels.");
 }
 

@@ -14,12 +14,12 @@
     }                                                                             \
   } while (false)
 
-// The text of the std::invalid_argument that `call` throws; empty if it throws none.
+// The text of the error that `call` throws; empty if it throws none.
 template <typename Call>
 std::string rejection(Call call) {
   try {
     call();
-  } catch (const std::invalid_argument& error) {
+  } catch (const std::runtime_error& error) {
     return error.what();
   }
   return {};

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <limits>
 
-#include "calibration.hpp"
+#include "geometry/stereo_rectify.hpp"
 #include "check.hpp"
 
 using namespace endosdk;

@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "check.hpp"
-#include "image.hpp"
+#include "images/image.hpp"
 #include "kernels/kernels.hpp"
-#include "postprocess.hpp"
-#include "rectify.hpp"
-#include "resize.hpp"
-#include "threads.hpp"
+#include "maps/postprocess.hpp"
+#include "images/rectify.hpp"
+#include "images/resize.hpp"
+#include "platform/threads.hpp"
 
 using namespace endosdk;
 

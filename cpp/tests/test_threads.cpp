@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "check.hpp"
-#include "threads.hpp"
+#include "platform/threads.hpp"
 
 using namespace endosdk;
 

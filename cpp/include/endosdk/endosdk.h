@@ -35,11 +35,13 @@ A complete program, for a rig whose frames are already rectified:
     }
 
 Ownership. Whatever you pass in stays yours and is not kept after the call, with two exceptions: the log function and its
-context must live until endo_close. Images are read and maps are written only during endo_predict. Strings returned by
-the library belong to it and must not be freed. An estimator is yours from endo_open_* to endo_close.
+context must live until endo_close, and a result that was submitted to a stream, with its maps, until it is received.
+Images are read only during endo_predict or endo_stream_submit. Strings returned by the library belong to it and must not
+be freed. An estimator is yours from endo_open_* to endo_close.
 
-Threads. Calls on one estimator may come from any thread and run one after the other; only endo_cancel does not wait.
-Two estimators work in parallel. endo_last_error belongs to the calling thread.
+Threads. Calls on one estimator may come from any thread and run one after the other, in the order in which they came;
+endo_cancel and endo_get_diagnostics do not wait. Two estimators work in parallel. endo_last_error belongs to the calling
+thread.
 
 Errors. A function that can fail returns a status, and endo_last_error() says which argument broke which rule with what
 value. A failed call leaves the estimator as it was, and usable. No exception and no abort leaves this library.
@@ -68,6 +70,9 @@ extern "C" {
 
 /* One loaded model with its memory. */
 typedef struct endo_estimator endo_estimator;
+
+/* Frames of one camera, several in flight. */
+typedef struct endo_stream endo_stream;
 
 /* Numbers are shared with the Python package and never change; those missing here cannot come from this library. */
 typedef enum endo_status {
@@ -116,18 +121,22 @@ typedef struct endo_options {
     int32_t threads;             /* processor threads per stage, 1 to 256; 0: as many as cores, at most 8 */
     int32_t spinning;            /* 1: waiting network threads poll (default); 0: they sleep, for less power */
     int32_t log_level;           /* the least severe endo_log_level that is logged; default ENDO_LOG_WARNING */
-    const char *provider;        /* "cpu" (default, also NULL), "cuda", "tensorrt" or an ONNX Runtime provider name */
+    const char *provider;        /* "cpu" (default, also NULL), "cuda", "tensorrt", "openvino", "directml", "coreml",
+                                    "xnnpack", "webgpu" or the full name of an ONNX Runtime provider */
     const char *runtime_library; /* path of libonnxruntime; NULL: see docs/c-library.md for where it is looked for */
     const char *model_sha256;    /* 64 hexadecimal digits that the model's bytes must hash to; NULL: any model */
     endo_log_function log;       /* NULL: silence */
     void *log_context;           /* handed to log */
-    int32_t network_width;       /* size the network works at; 0: at most the model's usual width; see docs */
+    int32_t network_width;       /* size the network works at; 0: at most the model's inference width; see docs */
     int32_t network_height;      /* wide. Smaller is faster and finds larger disparities; maps keep the frames' size */
     double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.3 */
     double min_depth_mm;         /* depth outside the range is no answer; default 0 */
     double max_depth_mm;         /* default infinity */
     double depth_unit_mm;        /* one step of depth_u16; default 0.1 */
     double deadline_ms;          /* a frame that takes longer is marked late; 0 (default): none is */
+    const char *float32_model;   /* path of the same model in float32, opened instead where the processor or the provider
+                                    has no fast 8-bit arithmetic (a log line says so); NULL: there is none */
+    const char *float32_model_sha256; /* as model_sha256, for that file */
 } endo_options;
 
 /* Fill options with the defaults; struct_size is sizeof(endo_options). */
@@ -140,7 +149,7 @@ ENDO_API endo_status endo_open_file(const char *path, const endo_options *option
 ENDO_API endo_status endo_open_memory(const void *data, size_t size, const endo_options *options,
                                       endo_estimator **estimator);
 
-/* Free everything; NULL is allowed. No other call on this estimator may be running. */
+/* Wait for the calls that run, then free everything; NULL is allowed. No later call may use the estimator. */
 ENDO_API void endo_close(endo_estimator *estimator);
 
 /* ---- Calibration ---- */
@@ -193,7 +202,7 @@ typedef struct endo_image {
     int64_t stride;                   /* bytes from a row to the next, negative for bottom-up frames; 0: rows are tight */
 } endo_image;
 
-/* Why a pixel has no answer: bits of endo_result.reasons. */
+/* Why a pixel is not valid: bits of endo_result.reasons. */
 typedef enum endo_reason {
     ENDO_REASON_LOW_CONFIDENCE = 1,   /* the network does not trust its own answer, or the views do not agree on it */
     ENDO_REASON_OCCLUDED = 2,         /* a nearer surface covers the match in the right view */
@@ -229,8 +238,8 @@ typedef struct endo_result {
     double rectify_ms;                /* out: time of each stage; a size's first frame builds its maps here */
     double session_ms;
     double postprocess_ms;
-    int32_t late;                     /* out: 1 when the stages together took longer than options.deadline_ms */
-    int32_t reserved;                 /* leave 0 */
+    int32_t late;                     /* out: 1 when the call took longer than options.deadline_ms, waiting for others included */
+    int32_t reserved;                 /* must be 0 */
 } endo_result;
 
 /* Allocate for frames of this size and run once, so that the first real frame is as fast as the others. */
@@ -240,11 +249,50 @@ ENDO_API endo_status endo_prepare(endo_estimator *estimator, int32_t width, int3
 ENDO_API endo_status endo_predict(endo_estimator *estimator, const endo_image *left, const endo_image *right,
                                   endo_result *result);
 
+/* Rectify one pair at its own size, as tight RGB rows: what its maps lie over. Either output may be NULL. */
+ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *left, const endo_image *right,
+                                  uint8_t *rectified_left, uint8_t *rectified_right, size_t capacity);
+
 /* Copy the latest pair as the network saw it, tight RGB rows at the network's size; NULL: not wanted. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
-/* Make the endo_predict or endo_prepare that is running, if any, return ENDO_CANCELLED soon. From any thread. */
+/* Make the calls that are running, and the frames in flight, end with ENDO_CANCELLED soon. From any thread. */
 ENDO_API endo_status endo_cancel(endo_estimator *estimator);
+
+/* ---- Streams ----
+
+Frames in flight, each on one processor thread from end to end: the highest rate there is, at the price of a delay of one
+frame's time on one thread. One thread may submit while another receives:
+
+    endo_stream_open(estimator, 960, 720, NULL, &stream);
+    while (capture(&left, &right)) endo_stream_submit(stream, &left, &right, next_free_result());
+    endo_stream_end(stream);
+
+    while (endo_stream_receive(stream, &result) == ENDO_OK && result != NULL) use(result);      (the other thread) */
+
+/* Open a stream of frames of this size. Without receiving, *frames_in_flight of them can be submitted; NULL: not wanted.
+   endo_predict may be used beside it. A later endo_set_calibration does not concern it. */
+ENDO_API endo_status endo_stream_open(endo_estimator *estimator, int32_t width, int32_t height,
+                                      int32_t *frames_in_flight, endo_stream **stream);
+
+/* Hand over one pair. Waits until there is room and the images were read; they may then be overwritten. The result and
+   its maps must live, untouched, until endo_stream_receive returns them. */
+ENDO_API endo_status endo_stream_submit(endo_stream *stream, const endo_image *left, const endo_image *right,
+                                        endo_result *result);
+
+/* Wait for the oldest frame that was not received, and point *result to the result that was submitted with it. Returns
+   what endo_predict would have returned for that frame; after an error the stream goes on. *result is NULL when the
+   stream has ended and nothing is left. */
+ENDO_API endo_status endo_stream_receive(endo_stream *stream, endo_result **result);
+
+/* No frame follows: what is in flight can still be received. */
+ENDO_API endo_status endo_stream_end(endo_stream *stream);
+
+/* Wait for what is being computed and free the stream; NULL is allowed. Results that were not received stay untouched
+   or hold a part of an answer. */
+ENDO_API void endo_stream_close(endo_stream *stream);
+
+/* ---- Operation ---- */
 
 /* Run a built-in pair of known disparity through the loaded model twice and check answer and repeatability. */
 ENDO_API endo_status endo_self_test(endo_estimator *estimator);

@@ -2,8 +2,8 @@
 #include <immintrin.h>
 #include <string.h>
 
-#include "kernels.hpp"
-#include "sets.hpp"
+#include "kernels/kernels.hpp"
+#include "kernels/sets.hpp"
 
 namespace endosdk::avx2 {
 namespace {

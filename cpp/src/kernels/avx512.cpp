@@ -1,8 +1,8 @@
 // Kernels for AVX-512 (F, BW, DQ, VL).
 #include <immintrin.h>
 
-#include "kernels.hpp"
-#include "sets.hpp"
+#include "kernels/kernels.hpp"
+#include "kernels/sets.hpp"
 
 namespace endosdk::avx512 {
 namespace {

@@ -2,10 +2,10 @@
 // Contraction to fused multiply-add is off for the whole build and nothing is reassociated, so that every set rounds alike.
 #include <string.h>
 
-#include "../depth.hpp"
-#include "kernels.hpp"
-#include "sets.hpp"
-#include "sharpness.hpp"
+#include "maps/reasons.hpp"
+#include "kernels/kernels.hpp"
+#include "kernels/sets.hpp"
+#include "kernels/sharpness.hpp"
 
 namespace endosdk::ENDOSDK_ISA {
 namespace {

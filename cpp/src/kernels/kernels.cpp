@@ -1,18 +1,18 @@
-#include "kernels.hpp"
+#include "kernels/kernels.hpp"
 
 #include <atomic>
 #include <cstring>
 #include <string>
 
-#include "../errors.hpp"
-#include "sets.hpp"
+#include "platform/errors.hpp"
+#include "kernels/sets.hpp"
 
 namespace endosdk {
 namespace {
 
 #define ENDOSDK_KERNELS(isa) \
   {#isa,            isa::reduce_row,  isa::remap_rgb,  isa::remap_gray,  isa::split_rgb, isa::blend_rows, \
-   isa::stretch_row, isa::mean_cells, isa::trust_cells, isa::guided_row, isa::depth_row}
+   isa::stretch_row, isa::mean_cells, isa::trust_cells, isa::joint_bilateral_row, isa::depth_row}
 
 bool runs_plain() { return true; }
 

@@ -57,18 +57,20 @@ struct Reduction {
 };
 
 // Cells that a pixel's disparity comes from when it is upsampled, along each axis.
-constexpr int guided_taps = 6;
+constexpr int joint_bilateral_taps = 6;
 
 // Planes of a row of cells: red, green, blue, trust, and trust times disparity.
-constexpr int guided_planes = 5;
+constexpr int joint_bilateral_planes = 5;
 
 // One row of a map on the grid of a view, from cells of factor x factor of its pixels.
-struct GuidedRow {
+struct JointBilateralRow {
   const uint8_t* view[3];                               // red, green, blue
-  const float* cells[guided_taps][guided_planes];       // of the rows of cells around it
+  const float* cells[joint_bilateral_taps][joint_bilateral_planes];       // of the rows of cells around it
   const int* start;                                     // of each phase of a pixel within its cell: the first cell's offset
   const float* share;                                   // [factor][taps down][taps along]: how much a cell counts where it lies
   int factor;
+  float likeness_per_difference;  // how much a grey level of difference, over three channels, takes away
+  float least_likeness;           // of a cell that looks altogether different
   int count;  // cells along the row
   float* out;
 };
@@ -100,7 +102,7 @@ struct Kernels {
   void (*mean_cells)(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out);
   // How much a cell's disparity is worth, see sharpness.hpp, and that times the disparity.
   void (*trust_cells)(const float* disparity, const float* confidence, int count, float* trust, float* trusted);
-  void (*guided_row)(const GuidedRow& row);
+  void (*joint_bilateral_row)(const JointBilateralRow& row);
 
   // Returns the number of pixels without a reason.
   int (*depth_row)(const DepthRow& row, const DepthLimits& limits);

@@ -1,7 +1,7 @@
 // Kernels without vector instructions: the definition that the others must match bit for bit.
-#include "kernels.hpp"
-#include "sample.hpp"
-#include "sets.hpp"
+#include "kernels/kernels.hpp"
+#include "kernels/sample.hpp"
+#include "kernels/sets.hpp"
 
 namespace endosdk::plain {
 

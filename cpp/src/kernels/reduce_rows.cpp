@@ -2,8 +2,8 @@
 // all values of a row, wanted or not; the last one picks.
 #include <string.h>
 
-#include "kernels.hpp"
-#include "sets.hpp"
+#include "kernels/kernels.hpp"
+#include "kernels/sets.hpp"
 
 namespace endosdk::ENDOSDK_ISA {
 namespace {

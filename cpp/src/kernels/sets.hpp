@@ -1,7 +1,7 @@
 // Declares the kernels of one instruction set, once per set.
 #pragma once
 
-#include "kernels.hpp"
+#include "kernels/kernels.hpp"
 
 #define ENDOSDK_DECLARE_KERNELS(isa)                                                                                  \
   namespace endosdk::isa {                                                                                            \
@@ -16,7 +16,7 @@
                    float* out);                                                                                       \
   void mean_cells(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out);                          \
   void trust_cells(const float* disparity, const float* confidence, int count, float* trust, float* trusted);         \
-  void guided_row(const GuidedRow& row);                                                                              \
+  void joint_bilateral_row(const JointBilateralRow& row);                                                                              \
   int depth_row(const DepthRow& row, const DepthLimits& limits);                                                      \
   }
 

@@ -3,13 +3,112 @@
 
 #include <string.h>
 
-/* The numbers are the ABI: a change of one of these lines is a break. */
-_Static_assert(ENDO_INTERNAL == 21 && ENDO_CANCELLED == 18 && ENDO_INFERENCE_FAILED == 13, "status numbers");
-_Static_assert(ENDO_GRAY8 == 2 && ENDO_FISHEYE == 1 && ENDO_REASON_SATURATED == 16, "enum numbers");
-_Static_assert(sizeof(endo_options) == 104 && sizeof(endo_calibration) == 392 && sizeof(endo_geometry) == 48 &&
-                   sizeof(endo_image) == 32 && sizeof(endo_result) == 120,
-               "struct sizes of the first release");
-_Static_assert(offsetof(endo_options, deadline_ms) == 96 && offsetof(endo_result, late) == 112, "field places");
+/* Numbers and places are the ABI: a change of one of these lines is a break; new ones are added at the end. */
+#define VALUE(name, number) _Static_assert(name == number, #name)
+#define PLACE(type, field, offset) _Static_assert(offsetof(type, field) == offset, #type "." #field)
+
+VALUE(ENDO_OK, 0);
+VALUE(ENDO_INVALID_ARGUMENT, 1);
+VALUE(ENDO_INVALID_CALIBRATION, 2);
+VALUE(ENDO_CALIBRATION_REQUIRED, 3);
+VALUE(ENDO_CALIBRATION_SIZE_MISMATCH, 4);
+VALUE(ENDO_MODEL_NOT_FOUND, 6);
+VALUE(ENDO_MODEL_UNREADABLE, 7);
+VALUE(ENDO_MODEL_METADATA, 8);
+VALUE(ENDO_MODEL_HASH_MISMATCH, 9);
+VALUE(ENDO_RUNTIME_MISSING, 10);
+VALUE(ENDO_PROVIDER_UNAVAILABLE, 12);
+VALUE(ENDO_INFERENCE_FAILED, 13);
+VALUE(ENDO_CANCELLED, 18);
+VALUE(ENDO_OUT_OF_MEMORY, 19);
+VALUE(ENDO_SELF_TEST_FAILED, 20);
+VALUE(ENDO_INTERNAL, 21);
+VALUE(ENDO_LOG_ERROR, 1);
+VALUE(ENDO_LOG_WARNING, 2);
+VALUE(ENDO_LOG_INFO, 3);
+VALUE(ENDO_PINHOLE, 0);
+VALUE(ENDO_FISHEYE, 1);
+VALUE(ENDO_RGB8, 0);
+VALUE(ENDO_BGR8, 1);
+VALUE(ENDO_GRAY8, 2);
+VALUE(ENDO_REASON_LOW_CONFIDENCE, 1);
+VALUE(ENDO_REASON_OCCLUDED, 2);
+VALUE(ENDO_REASON_OUTSIDE_OVERLAP, 4);
+VALUE(ENDO_REASON_OUT_OF_RANGE, 8);
+VALUE(ENDO_REASON_SATURATED, 16);
+VALUE(ENDO_QUALITY_OK, 0);
+VALUE(ENDO_QUALITY_DEGRADED, 1);
+VALUE(ENDO_QUALITY_INVALID, 2);
+
+PLACE(endo_options, struct_size, 0);
+PLACE(endo_options, threads, 4);
+PLACE(endo_options, spinning, 8);
+PLACE(endo_options, log_level, 12);
+PLACE(endo_options, provider, 16);
+PLACE(endo_options, runtime_library, 24);
+PLACE(endo_options, model_sha256, 32);
+PLACE(endo_options, log, 40);
+PLACE(endo_options, log_context, 48);
+PLACE(endo_options, network_width, 56);
+PLACE(endo_options, network_height, 60);
+PLACE(endo_options, min_confidence, 64);
+PLACE(endo_options, min_depth_mm, 72);
+PLACE(endo_options, max_depth_mm, 80);
+PLACE(endo_options, depth_unit_mm, 88);
+PLACE(endo_options, deadline_ms, 96);
+PLACE(endo_options, float32_model, 104);
+PLACE(endo_options, float32_model_sha256, 112);
+_Static_assert(sizeof(endo_options) == 120, "endo_options");
+
+PLACE(endo_calibration, struct_size, 0);
+PLACE(endo_calibration, camera_model, 4);
+PLACE(endo_calibration, width, 8);
+PLACE(endo_calibration, height, 12);
+PLACE(endo_calibration, left_distortion_count, 16);
+PLACE(endo_calibration, right_distortion_count, 20);
+PLACE(endo_calibration, left_matrix, 24);
+PLACE(endo_calibration, right_matrix, 96);
+PLACE(endo_calibration, left_distortion, 168);
+PLACE(endo_calibration, right_distortion, 232);
+PLACE(endo_calibration, rotation, 296);
+PLACE(endo_calibration, translation, 368);
+_Static_assert(sizeof(endo_calibration) == 392, "endo_calibration");
+
+PLACE(endo_geometry, struct_size, 0);
+PLACE(endo_geometry, rectifies, 4);
+PLACE(endo_geometry, focal_px, 8);
+PLACE(endo_geometry, baseline_mm, 16);
+PLACE(endo_geometry, cx, 24);
+PLACE(endo_geometry, cy, 32);
+PLACE(endo_geometry, doffs, 40);
+_Static_assert(sizeof(endo_geometry) == 48, "endo_geometry");
+
+PLACE(endo_image, struct_size, 0);
+PLACE(endo_image, format, 4);
+PLACE(endo_image, data, 8);
+PLACE(endo_image, width, 16);
+PLACE(endo_image, height, 20);
+PLACE(endo_image, stride, 24);
+_Static_assert(sizeof(endo_image) == 32, "endo_image");
+
+PLACE(endo_result, struct_size, 0);
+PLACE(endo_result, quality, 4);
+PLACE(endo_result, capacity, 8);
+PLACE(endo_result, disparity, 16);
+PLACE(endo_result, confidence, 24);
+PLACE(endo_result, depth, 32);
+PLACE(endo_result, sigma, 40);
+PLACE(endo_result, reasons, 48);
+PLACE(endo_result, disparity_u16, 56);
+PLACE(endo_result, depth_u16, 64);
+PLACE(endo_result, frame, 72);
+PLACE(endo_result, valid_share, 80);
+PLACE(endo_result, rectify_ms, 88);
+PLACE(endo_result, session_ms, 96);
+PLACE(endo_result, postprocess_ms, 104);
+PLACE(endo_result, late, 112);
+PLACE(endo_result, reserved, 116);
+_Static_assert(sizeof(endo_result) == 120, "endo_result");
 
 int main(void) {
     endo_options options;

@@ -6,12 +6,13 @@
 #include <chrono>
 #include <limits>
 
-#include "network_size.hpp"
-#include "postprocess.hpp"
-#include "rig.hpp"
-#include "session.hpp"
+#include "frame_path/network_size.hpp"
+#include "maps/postprocess.hpp"
+#include "geometry/rig.hpp"
+#include "frame_path/frame_path.hpp"
+#include "library/ort_session.hpp"
 #include "support.hpp"
-#include "threads.hpp"
+#include "platform/threads.hpp"
 
 namespace {
 
@@ -23,27 +24,31 @@ class Bare {
  public:
   Bare(const Places& at, const endo_calibration& numbers, Size frame, int threads)
       : rig_(numbers),
-        session_(Runtime::open(at.runtime, {}), read_model(at.model, ""), {"cpu", threads, true}, {}),
-        picture_(usual_network_size(frame, session_.info().usual_width)),
+        session_(Runtime::open(at.runtime, {}), std::make_shared<const ModelFile>(read_model(at.model, "")),
+                 {"cpu", threads, true}, {}),
+        picture_(network_size_of(frame, session_.model().inference_width)),
         rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_), Border::fading)),
         full_(rig_.rectifier(rig_.geometry(), Border::fading)),
-        buffers_(session_, picture_) {}
+        buffers_(picture_, session_.model()),
+        run_(session_.bind(buffers_)) {}
 
   void predict(const Pair& pair, Output& out) {
     const ImageView left = {pair.left.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
     const ImageView right = {pair.right.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
     rectifier_.rectify(left, right, buffers_.left(), buffers_.right(), ChannelOrder::rgb, scratch_);
-    session_.run(buffers_);
-    const int stride = session_.info().output_stride;
+    (*run_)();
+    const int stride = session_.model().output_stride;
     const RectifiedGeometry& g = rig_.geometry();
+    const MutableFloatView disparity = buffers_.disparity();
+    const MutableFloatView confidence = buffers_.confidence();
     PostprocessInput in;
-    in.disparity = buffers_.disparity();
-    in.confidence = buffers_.confidence();
+    in.disparity = {disparity.data, disparity.width, disparity.height};
+    in.confidence = {confidence.data, confidence.width, confidence.height};
     in.view_scale = {static_cast<double>(picture_.height) / pair.height, static_cast<double>(picture_.width) / pair.width};
     in.scale = {in.view_scale.y / stride, in.view_scale.x / stride};
     in.gain = static_cast<float>(static_cast<double>(pair.width) / picture_.width);
     in.min_confidence = 0.3f;
-    in.last_plane = session_.info().last_plane;
+    in.max_candidate_disparity = session_.model().max_candidate_disparity;
     in.left = buffers_.left();
     in.right = buffers_.right();
     in.valid_left = full_.valid_left().data();
@@ -58,12 +63,13 @@ class Bare {
 
  private:
   Rig rig_;
-  Session session_;
+  OrtStereoSession session_;
   Size picture_;  // as the network sees the frame
   Rectifier rectifier_;
   RectifyScratch scratch_;
   Rectifier full_;  // for the masks, which have the frame's size
-  Session::Buffers buffers_;
+  SessionBuffers buffers_;
+  std::unique_ptr<Session::Run> run_;
 };
 
 double median(std::vector<double> values) {

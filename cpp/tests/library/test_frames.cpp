@@ -51,7 +51,7 @@ void the_first_frame_of_a_size_can_be_cancelled_and_counts_whole(const Places& a
   });
   const endo_status status = endo_prepare(estimator.get(), w, h);
   canceller.join();
-  expect(status, ENDO_CANCELLED, "endo_cancel");
+  expect(status, ENDO_CANCELLED, "cancel");
   const auto started = std::chrono::steady_clock::now();
   CHECK(estimator.predict(pair, out) == ENDO_OK);
   const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - started;
@@ -76,7 +76,7 @@ void pictures_are_those_of_the_latest_pair_or_none(const Places& at) {
   CHECK(shown() == ENDO_OK && left == pair.left);
   // One that was prepared for has no picture, however the preparation ended.
   CHECK(endo_prepare(estimator.get(), width, height) == ENDO_OK);
-  expect(shown(), ENDO_INVALID_ARGUMENT, "no pair yet");
+  expect(shown(), ENDO_INVALID_ARGUMENT, "no frame yet");
 }
 
 void one_camera_connected_twice_is_found_on_a_raw_rig(const Places& at) {

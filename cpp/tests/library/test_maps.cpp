@@ -48,7 +48,7 @@ void a_rig_gives_depth(const Places& at) {
   expect(estimator.predict(pair, out), ENDO_CALIBRATION_REQUIRED, "depth");
 }
 
-void surfaces_nearer_than_the_last_plane_are_out_of_range(const Places& at) {
+void surfaces_beyond_the_range_are_out_of_range(const Places& at) {
   const auto share = [&](int disparity) {
     const Opened estimator(at);
     Output out(pixels);
@@ -58,7 +58,7 @@ void surfaces_nearer_than_the_last_plane_are_out_of_range(const Places& at) {
     return static_cast<double>(marked) / static_cast<double>(pixels);
   };
   CHECK(share(9) < 0.02);
-  CHECK(share(31) > 0.4);  // the tiny model's last plane
+  CHECK(share(31) > 0.4);  // the tiny model's last disparity
 }
 
 // What a device sees when a camera fails: the frame must not pass for a good one.
@@ -128,7 +128,7 @@ void the_rectified_pair_can_be_seen(const Places& at) {
   const Opened estimator(at);
   const Pair pair(width, height, 9);
   std::vector<uint8_t> left(3 * pixels);
-  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "endo_predict");
+  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "no frame yet");
   Output out(pixels);
   CHECK(estimator.predict(pair, out) == ENDO_OK);
   expect(endo_get_rectified(estimator.get(), left.data(), nullptr, 5), ENDO_INVALID_ARGUMENT, "capacity");
@@ -136,7 +136,7 @@ void the_rectified_pair_can_be_seen(const Places& at) {
   CHECK(left == pair.left);
   const endo_calibration rig = raw_rig(width, height);
   CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
-  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "endo_predict");
+  expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "no frame yet");
 }
 
 }  // namespace
@@ -145,7 +145,7 @@ int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   finds_the_disparity_of_a_plane(at);
   a_rig_gives_depth(at);
-  surfaces_nearer_than_the_last_plane_are_out_of_range(at);
+  surfaces_beyond_the_range_are_out_of_range(at);
   views_that_do_not_belong_together_are_invalid(at);
   every_layout_of_a_frame_gives_the_same(at);
   the_rectified_pair_can_be_seen(at);

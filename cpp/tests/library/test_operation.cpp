@@ -61,7 +61,7 @@ void a_running_frame_can_be_cancelled(const Places& at) {
   const endo_status status = estimator.predict(pair, out);
   finished = true;
   canceller.join();
-  expect(status, ENDO_CANCELLED, "endo_cancel");
+  expect(status, ENDO_CANCELLED, "cancel");
   CHECK(out.result.quality == ENDO_QUALITY_INVALID && std::isnan(out.disparity[5]));
   CHECK(estimator.predict(pair, out) == ENDO_OK);
 }

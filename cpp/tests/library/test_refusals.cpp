@@ -32,11 +32,11 @@ void bad_openings_are_refused(const Places& at) {
   refused([](O& o) { o.threads = -1; }, ENDO_INVALID_ARGUMENT, "threads");
   refused([](O& o) { o.spinning = 2; }, ENDO_INVALID_ARGUMENT, "spinning");
   refused([](O& o) { o.log_level = 0; }, ENDO_INVALID_ARGUMENT, "log_level");
-  refused([](O& o) { o.network_width = 64; }, ENDO_INVALID_ARGUMENT, "network_width");
+  refused([](O& o) { o.network_width = 64; }, ENDO_INVALID_ARGUMENT, "network_size");
   refused([](O& o) { o.min_confidence = 1.5; }, ENDO_INVALID_ARGUMENT, "min_confidence");
   refused([](O& o) { o.min_confidence = std::nan(""); }, ENDO_INVALID_ARGUMENT, "min_confidence");
-  refused([](O& o) { o.min_depth_mm = -1; }, ENDO_INVALID_ARGUMENT, "min_depth_mm");
-  refused([](O& o) { o.max_depth_mm = 0; }, ENDO_INVALID_ARGUMENT, "max_depth_mm");
+  refused([](O& o) { o.min_depth_mm = -1; }, ENDO_INVALID_ARGUMENT, "depth_range_mm");
+  refused([](O& o) { o.max_depth_mm = 0; }, ENDO_INVALID_ARGUMENT, "depth_range_mm");
   refused([](O& o) { o.depth_unit_mm = 0; }, ENDO_INVALID_ARGUMENT, "depth_unit_mm");
   refused([](O& o) { o.deadline_ms = -1; }, ENDO_INVALID_ARGUMENT, "deadline_ms");
   refused([](O& o) { o.struct_size = 5; }, ENDO_INVALID_ARGUMENT, "struct_size");
@@ -127,13 +127,20 @@ void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
   refused([](endo_image& l, endo_image&, endo_result&) { l.stride = 3; }, "left");
   refused([](endo_image& l, endo_image&, endo_result&) { l.stride = std::numeric_limits<int64_t>::min(); }, "2 GiB");
   refused([](endo_image& l, endo_image&, endo_result&) { l.struct_size = 3; }, "struct_size");
-  refused([](endo_image& l, endo_image&, endo_result&) { l.width = l.height = 100000; }, "right");
+  refused([](endo_image& l, endo_image&, endo_result&) { l.width = l.height = 100000; }, "left");
   refused([](endo_image&, endo_image& r, endo_result&) { r.height -= 1; }, "size of left");
   refused([](endo_image&, endo_image& r, endo_result&) { r.format = ENDO_BGR8; }, "format of left");
   refused([](endo_image&, endo_image&, endo_result& o) { o.capacity = 100; }, "capacity");
   CHECK(out.confidence[50] == 0.0f && out.confidence[pixels - 1] > 0.0f);  // no further than the capacity given
   refused([](endo_image&, endo_image&, endo_result& o) { o.capacity = ~uint64_t{0}; }, "capacity");
   refused([](endo_image&, endo_image&, endo_result& o) { o.struct_size = 0; }, "struct_size");
+  refused([](endo_image&, endo_image&, endo_result& o) { o.reserved = 1; }, "result.reserved");
+  const auto by = [](float* map, ptrdiff_t bytes) { return reinterpret_cast<float*>(reinterpret_cast<char*>(map) + bytes); };
+  // Both maps have room for what a failure writes: they lie within the disparity's memory.
+  refused([&](endo_image&, endo_image&, endo_result& o) { o.confidence = by(o.disparity, 2); o.capacity = pixels; }, "aligned");
+  refused([&](endo_image&, endo_image&, endo_result& o) { o.confidence = o.disparity; }, "must not lie in the memory of");
+  refused([&](endo_image&, endo_image&, endo_result& o) { o.reasons = reinterpret_cast<uint8_t*>(o.disparity) + 8; },
+          "must not lie in the memory of");
 
   const endo_image left = pair.left_image();
   CHECK(estimator.predict(pair, out) == ENDO_OK);

@@ -31,7 +31,7 @@ void a_runtime_without_threads_is_out_of_resources(const Places& at) {
   options.threads = 2;
   endo_estimator* handle = nullptr;
   threads_are_left = false;
-  expect(endo_open_file(at.model.c_str(), &options, &handle), ENDO_OUT_OF_MEMORY, "pthread_create");
+  expect(endo_open_file(at.model.c_str(), &options, &handle), ENDO_OUT_OF_MEMORY, "threads");
   threads_are_left = true;
   CHECK(handle == nullptr);
   CHECK(endo_open_file(at.model.c_str(), &options, &handle) == ENDO_OK);

@@ -2,9 +2,9 @@
 #include <cmath>
 
 #include "../check.hpp"
-#include "json.hpp"
-#include "latency.hpp"
-#include "sha256.hpp"
+#include "platform/json.hpp"
+#include "frame_path/latency.hpp"
+#include "platform/sha256.hpp"
 
 using namespace endosdk;
 

@@ -1,0 +1,26 @@
+#include "frame_path/counters.hpp"
+
+namespace endosdk {
+
+uint64_t Counters::add(const FrameReport& report) {
+  const std::lock_guard lock(mutex_);
+  latency_.add(report.total_ms);
+  late_ += report.late;
+  mismatched_ += !report.views_belong_together;
+  return latency_.count();
+}
+
+void Counters::add_failure() {
+  const std::lock_guard lock(mutex_);
+  ++failed_;
+}
+
+Counters::Snapshot Counters::snapshot() const {
+  const std::lock_guard lock(mutex_);
+  return {latency_.count(),           failed_,
+          late_,                      mismatched_,
+          latency_.quantile_ms(0.5),  latency_.quantile_ms(0.95),
+          latency_.quantile_ms(0.99), latency_.longest_ms()};
+}
+
+}  // namespace endosdk

@@ -1,0 +1,41 @@
+// What a frame path says of itself, for logs and support.
+#include "frame_path/frame_path.hpp"
+#include "kernels/kernels.hpp"
+
+namespace endosdk {
+namespace {
+
+std::string describe(const ModelInfo& m) {
+  return JsonObject().text("name", m.name).text("version", m.version).text("sha256", m.sha256).text("license", m.license)
+      .text("intended_use", m.intended_use).count("max_disparity", static_cast<uint64_t>(m.max_disparity))
+      .raw("max_candidate_disparity", m.max_candidate_disparity > 0 ? std::to_string(m.max_candidate_disparity) : "null")
+      .done();
+}
+
+}  // namespace
+
+JsonObject FramePath::diagnostics() const {
+  const SessionFacts& s = session_->facts();
+  JsonObject report;
+  report.text("onnxruntime", s.runtime_version);
+  if (!s.runtime_library.empty()) report.text("onnxruntime_library", s.runtime_library);
+  report.text("onnxruntime_telemetry", s.telemetry_on ? "on: loaded by the host first" : "off");
+  report.text("provider", s.provider).count("threads", static_cast<uint64_t>(settings_.threads));
+  report.text("kernels", kernels().name).flag("integer_units", has_integer_units()).raw("model", describe(model()));
+  {
+    const std::lock_guard lock(state_);
+    report.raw("calibration_sha256", rig_ ? json_string(rig_->sha256()) : "null");
+    if (picture_) {
+      report.count("network_width", static_cast<uint64_t>(picture_->width));
+      report.count("network_height", static_cast<uint64_t>(picture_->height));
+    }
+  }
+  report.number("nearest_depth_mm", nearest_depth_mm()).number("deadline_ms", settings_.deadline_ms);
+  const Counters::Snapshot c = counters_.snapshot();
+  report.count("frames", c.frames).count("failed", c.failed).count("late", c.late).count("mismatched", c.mismatched);
+  report.raw("latency_ms", JsonObject().number("p50", c.p50_ms).number("p95", c.p95_ms).number("p99", c.p99_ms)
+                               .number("max", c.longest_ms).done());
+  return report;
+}
+
+}  // namespace endosdk

@@ -1,0 +1,54 @@
+#include "frame_path/rectify_stage.hpp"
+
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
+
+// Principal points closer together than this, px, put the end of the range so far away that no endoscope sees it.
+constexpr double harmless_doffs = 0.5;
+
+RectifiedGeometry shifted(RectifiedGeometry geometry, double shift) {
+  geometry.views.right_projection[2] -= shift;
+  return geometry;
+}
+
+auto text(Size size) { return Text(size.width, "x", size.height); }
+
+}  // namespace
+
+double RectifyStage::right_shift_of(const Rig* rig) {
+  if (rig == nullptr || !rig->is_rectified() || rig->geometry().doffs() <= harmless_doffs) return 0.0;
+  return rig->geometry().doffs();
+}
+
+RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> network,
+                           const std::function<void()>& checkpoint)
+    : frame_(frame), picture_(network.value_or(frame)),
+      right_shift_(right_shift_of(rig)), moves_(rig != nullptr && (!rig->is_rectified() || right_shift_ > 0.0)) {
+  require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", text(frame));
+  require(rig == nullptr || same(rig->size(), frame), ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",
+          Text("must be for frames of ", text(frame)), text(rig != nullptr ? rig->size() : Size()));
+  const bool resized = !same(picture_, frame_);
+  if (!moves_ && !resized) return;
+  const Rig source = moves_ ? *rig : Rig::identity(frame);
+  const RectifiedGeometry geometry = shifted(source.geometry(), right_shift_);
+  const Border border = moves_ ? Border::fading : Border::whole;
+  rectifier_.emplace(source.rectifier(geometry.scaled(picture_), border));
+  checkpoint();
+  if (moves_ && resized) full_.emplace(source.rectifier(geometry, border));
+  checkpoint();
+}
+
+void RectifyStage::operator()(const ImageView& left, const ImageView& right, const PlanarView& out_left,
+                              const PlanarView& out_right, ChannelOrder order, RectifyScratch& scratch) const {
+  if (rectifier_) {
+    rectifier_->rectify(left, right, out_left, out_right, order, scratch);
+  } else {
+    pack(left, right, out_left, out_right, order);
+  }
+}
+
+}  // namespace endosdk

@@ -1,0 +1,52 @@
+// From two camera frames of one size to the pictures that the network sees.
+#pragma once
+
+#include <functional>
+#include <optional>
+
+#include "images/image.hpp"
+#include "images/rectify.hpp"
+#include "geometry/rig.hpp"
+
+namespace endosdk {
+
+class RectifyStage {
+ public:
+  // Raw frames of a rig are rectified; frames without a rig, or of a rectified one, are only repacked, or resized when
+  // the network works at another size. A rectified rig whose principal points lie apart sees what is beyond
+  // focal * baseline / doffs at negative disparities, which no network finds: its right view is moved by doffs. Maps of large frames take a while: `checkpoint` is called between them, and may
+  // throw.
+  RectifyStage(Size frame, const Rig* rig, std::optional<Size> network, const std::function<void()>& checkpoint);
+
+  Size frame() const { return frame_; }
+  Size picture() const { return picture_; }
+
+  void operator()(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
+                  ChannelOrder order, RectifyScratch& scratch) const;
+
+  // Frame pixels by which the right view of a rectified rig is moved to the left.
+  double right_shift() const { return right_shift_; }
+
+  // The same, as it follows from the rig; null: none.
+  static double right_shift_of(const Rig* rig);
+
+  // Masks of the frame's size; null when every pixel is valid.
+  const uint8_t* valid_left() const { return masks() ? masks()->valid_left().data() : nullptr; }
+  const uint8_t* valid_right() const { return masks() ? masks()->valid_right().data() : nullptr; }
+
+ private:
+  // The masks belong to the maps that are returned, which keep the size of the frames.
+  const Rectifier* masks() const {
+    if (full_) return &*full_;
+    return moves_ && rectifier_ ? &*rectifier_ : nullptr;
+  }
+
+  Size frame_;
+  Size picture_;
+  double right_shift_ = 0.0;
+  bool moves_ = false;  // whether pixels come to lie elsewhere, other than by resizing
+  std::optional<Rectifier> rectifier_;
+  std::optional<Rectifier> full_;
+};
+
+}  // namespace endosdk

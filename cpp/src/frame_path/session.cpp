@@ -1,0 +1,30 @@
+#include "frame_path/session.hpp"
+
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+// Runtimes take the size of one dimension as a multiple; this side length is far beyond any frame.
+constexpr int64_t longest_side = 1 << 20;
+
+int padded(int length, int multiple) {
+  const int64_t result = (int64_t{length} + multiple - 1) / multiple * multiple;
+  require(result <= longest_side, "size", Text("must be at most ", longest_side, " px after padding"), result);
+  return static_cast<int>(result);
+}
+
+size_t pixels(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
+
+}  // namespace
+
+SessionBuffers::SessionBuffers(Size picture, const ModelInfo& model)
+    : input_{padded(picture.width, model.input_multiple), padded(picture.height, model.input_multiple)},
+      grid_{input_.width / model.output_stride, input_.height / model.output_stride} {
+  require(grid_.width > 0 && grid_.height > 0, "size", "must give the network at least one output pixel",
+          Text(input_.width, "x", input_.height));
+  pixels_.resize(2 * 3 * pixels(input_));
+  maps_.resize(2 * pixels(grid_));
+}
+
+}  // namespace endosdk

@@ -1,0 +1,24 @@
+// What a host may choose of a frame path, and the rules for it. The defaults are those of both faces.
+#pragma once
+
+#include <limits>
+#include <optional>
+
+#include "frame_path/slot.hpp"
+#include "platform/log.hpp"
+
+namespace endosdk {
+
+constexpr int longest_network_side = 32767;  // px; positions in a picture are stored in 16 bits
+
+struct FramePathSettings {
+  int threads = 0;              // processor threads per stage; 0: default_thread_count()
+  std::optional<Size> network;  // the network's pictures; none: at most the model's inference width
+  Limits limits = {0.3, 0.0, std::numeric_limits<double>::infinity(), 0.1};
+  double deadline_ms = 0.0;  // a frame that takes longer is late; 0: none is
+  Log log;
+};
+
+void check_settings(const FramePathSettings& settings);
+
+}  // namespace endosdk

@@ -1,0 +1,86 @@
+// Several frames in flight, each on a thread of its own from end to end, so that no core waits for another; their answers
+// in the order in which they were submitted.
+#pragma once
+
+#include <condition_variable>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "frame_path/frame_path.hpp"
+
+namespace endosdk {
+
+// One thread may submit while another receives.
+class Stream {
+ public:
+  // Made by FramePath::stream.
+  Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session, std::shared_ptr<const RectifyStage> stage,
+         std::shared_ptr<const Rig> rig);
+  ~Stream() { close(); }
+  Stream(const Stream&) = delete;
+  Stream& operator=(const Stream&) = delete;
+
+  // Frames that may be submitted before one must be received.
+  int lanes() const { return lanes_; }
+  Size frame_size() const { return stage_->frame(); }
+
+  // Waits until one more frame may be submitted; false when the stream is over.
+  bool wait_for_room();
+
+  // Hands a frame over and returns once it was read; its maps must live until it is received, with `tag`. Waits for room.
+  void submit(const FramePair& pair, const MapsOut& maps, void* tag);
+
+  struct Answer {
+    FrameReport report;
+    void* tag = nullptr;
+    std::exception_ptr error;  // of this frame; the stream goes on
+  };
+
+  // Waits for the oldest frame that was not received; none when the stream is over and all were.
+  std::optional<Answer> receive();
+
+  // No frame follows.
+  void end();
+
+  // Ends the stream, waits for what is being computed, and drops it.
+  void close();
+
+ private:
+  // A frame in flight, and the memory that it and its successors use.
+  struct Frame {
+    std::shared_ptr<Slot> slot;
+    FramePair pair;
+    MapsOut maps;
+    Clock::time_point asked;
+    bool read = false;
+    bool done = false;
+    Answer answer;
+  };
+
+  Frame& at(uint64_t number) { return frames_[static_cast<size_t>(number % frames_.size())]; }
+  bool has_room() const { return submitted_ < received_ + static_cast<uint64_t>(lanes_); }
+  void serve();
+  void work(Frame& frame);
+
+  const std::shared_ptr<FramePath> path_;
+  const std::shared_ptr<Session> session_;
+  const std::shared_ptr<const RectifyStage> stage_;
+  const std::shared_ptr<const Rig> rig_;
+  const int lanes_;
+
+  std::mutex mutex_;  // guards what follows
+  std::condition_variable change_;
+  std::vector<Frame> frames_;  // one more than lanes: the pictures of the frame that was received last stay
+  uint64_t submitted_ = 0;
+  uint64_t started_ = 0;
+  uint64_t received_ = 0;
+  bool ended_ = false;   // nothing more is submitted
+  bool closed_ = false;  // nothing more is computed
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace endosdk

@@ -1,0 +1,110 @@
+#include "geometry/linear.hpp"
+
+#include <cmath>
+
+namespace endosdk {
+
+Mat3 multiply(const Mat3& a, const Mat3& b) {
+  Mat3 product{};
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      for (int k = 0; k < 3; ++k) product[3 * row + column] += a[3 * row + k] * b[3 * k + column];
+    }
+  }
+  return product;
+}
+
+Vec3 multiply(const Mat3& a, const Vec3& v) {
+  Vec3 product{};
+  for (int row = 0; row < 3; ++row) {
+    product[row] = a[3 * row] * v[0] + a[3 * row + 1] * v[1] + a[3 * row + 2] * v[2];
+  }
+  return product;
+}
+
+Mat3 transpose(const Mat3& a) { return {a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]}; }
+
+namespace {
+
+Mat3 cofactors(const Mat3& a) {
+  return {a[4] * a[8] - a[5] * a[7], a[5] * a[6] - a[3] * a[8], a[3] * a[7] - a[4] * a[6],
+          a[2] * a[7] - a[1] * a[8], a[0] * a[8] - a[2] * a[6], a[1] * a[6] - a[0] * a[7],
+          a[1] * a[5] - a[2] * a[4], a[2] * a[3] - a[0] * a[5], a[0] * a[4] - a[1] * a[3]};
+}
+
+}  // namespace
+
+double determinant(const Mat3& a) {
+  const Mat3 c = cofactors(a);
+  return a[0] * c[0] + a[1] * c[1] + a[2] * c[2];
+}
+
+Mat3 inverse(const Mat3& a) {
+  Mat3 result = transpose(cofactors(a));
+  const double d = determinant(a);
+  for (double& value : result) value /= d;
+  return result;
+}
+
+Vec3 cross(const Vec3& a, const Vec3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+double norm(const Vec3& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+Vec3 scale(const Vec3& v, double factor) { return {v[0] * factor, v[1] * factor, v[2] * factor}; }
+
+Mat3 nearest_rotation(const Mat3& a) {
+  // Newton's iteration for the polar factor: averaging with the inverse transpose drives every singular value to one.
+  Mat3 q = a;
+  for (int step = 0; step < 20; ++step) {
+    const Mat3 other = transpose(inverse(q));
+    double change = 0.0;
+    for (int i = 0; i < 9; ++i) {
+      const double next = 0.5 * (q[i] + other[i]);
+      change = std::fmax(change, std::fabs(next - q[i]));
+      q[i] = next;
+    }
+    if (change < 1e-15) break;
+  }
+  return q;
+}
+
+namespace {
+
+// A half turn has no antisymmetric part; its axis is in R = 2 a a^T - 1.
+Vec3 half_turn(const Mat3& r) {
+  constexpr double pi = 3.14159265358979323846;
+  int largest = 0;
+  for (int i = 1; i < 3; ++i) {
+    if (r[4 * i] > r[4 * largest]) largest = i;
+  }
+  Vec3 axis = {r[3 * largest], r[3 * largest + 1], r[3 * largest + 2]};
+  axis[largest] += 1.0;
+  return scale(axis, pi / norm(axis));
+}
+
+}  // namespace
+
+Vec3 rotation_vector(const Mat3& r) {
+  const Vec3 axis = {0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1])};
+  const double sine = norm(axis);
+  const double cosine = 0.5 * (r[0] + r[4] + r[8] - 1.0);
+  if (sine == 0.0 && cosine > 0.0) return {0.0, 0.0, 0.0};
+  if (sine == 0.0) return half_turn(r);
+  return scale(axis, std::atan2(sine, cosine) / sine);
+}
+
+Mat3 rotation_matrix(const Vec3& vector) {
+  const double angle = norm(vector);
+  if (angle == 0.0) return {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const Vec3 k = scale(vector, 1.0 / angle);
+  const double s = std::sin(angle);
+  const double c = std::cos(angle);
+  const double v = 1.0 - c;
+  return {c + v * k[0] * k[0],        v * k[0] * k[1] - s * k[2], v * k[0] * k[2] + s * k[1],
+          v * k[0] * k[1] + s * k[2], c + v * k[1] * k[1],        v * k[1] * k[2] - s * k[0],
+          v * k[0] * k[2] - s * k[1], v * k[1] * k[2] + s * k[0], c + v * k[2] * k[2]};
+}
+
+}  // namespace endosdk

@@ -1,0 +1,53 @@
+// The rig that a vendor describes in numbers: checks, rectified geometry, and the hash that results are traced by.
+#pragma once
+
+#include <endosdk/endosdk.h>
+
+#include <string>
+
+#include "geometry/stereo_rectify.hpp"
+#include "images/rectify.hpp"
+
+namespace endosdk {
+
+// Rectifying rotations and projections, and the size of the rectified pictures.
+struct RectifiedGeometry {
+  Rectification views;
+  Size size;
+
+  double focal_px() const { return views.left_projection[0]; }
+  double baseline_mm() const { return -views.right_projection[3] / views.right_projection[0]; }
+  double cx() const { return views.left_projection[2]; }
+  double cy() const { return views.left_projection[6]; }
+  double doffs() const { return views.right_projection[2] - views.left_projection[2]; }
+
+  // The same view resampled to another size.
+  RectifiedGeometry scaled(Size target) const;
+};
+
+// One checked rig. The rules are those of the Python package, so that both accept the same numbers.
+class Rig {
+ public:
+  explicit Rig(const endo_calibration& numbers);
+
+  // A rig of rectified frames, for when only their size shall change.
+  static Rig identity(Size size);
+
+  Size size() const { return {numbers_.width, numbers_.height}; }
+  bool is_rectified() const { return is_rectified_; }
+  const RectifiedGeometry& geometry() const { return geometry_; }
+
+  // Equal to the Python package's StereoCalibration.sha256.
+  const std::string& sha256() const { return sha256_; }
+
+  // Maps from raw frames to rectified pictures of the given geometry.
+  Rectifier rectifier(const RectifiedGeometry& target, Border border) const;
+
+ private:
+  endo_calibration numbers_;
+  bool is_rectified_;
+  RectifiedGeometry geometry_;
+  std::string sha256_;
+};
+
+}  // namespace endosdk

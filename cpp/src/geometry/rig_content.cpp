@@ -1,0 +1,40 @@
+#include "geometry/rig_content.hpp"
+
+#include "platform/json.hpp"
+
+namespace endosdk {
+namespace {
+
+std::string list(const double* values, int count) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text.append(i == 0 ? "[" : ",").append(json_number(values[i]));
+  return text.empty() ? "[]" : text.append("]");
+}
+
+std::string matrix(const double* values) {
+  std::string text = "[";
+  for (int row = 0; row < 3; ++row) text.append(row == 0 ? "" : ",").append(list(values + 3 * row, 3));
+  return text.append("]");
+}
+
+std::string camera(const double* k, const double* distortion, int count) {
+  return JsonObject().raw("distortion", list(distortion, count)).raw("matrix", matrix(k)).done();
+}
+
+}  // namespace
+
+std::string rig_content(const endo_calibration& rig) {
+  // Keys in alphabetical order.
+  return JsonObject()
+      .raw("height", std::to_string(rig.height))
+      .raw("left", camera(rig.left_matrix, rig.left_distortion, rig.left_distortion_count))
+      .text("model", rig.camera_model == ENDO_FISHEYE ? "fisheye" : "pinhole")
+      .raw("right", camera(rig.right_matrix, rig.right_distortion, rig.right_distortion_count))
+      .raw("rotation", matrix(rig.rotation))
+      .raw("translation", list(rig.translation, 3))
+      .text("units", "mm")
+      .raw("width", std::to_string(rig.width))
+      .done();
+}
+
+}  // namespace endosdk

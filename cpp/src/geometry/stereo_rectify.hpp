@@ -1,0 +1,63 @@
+// From the numbers of a calibrated rig to rectified geometry, by OpenCV's conventions.
+#pragma once
+
+#include <array>
+
+#include "geometry/camera.hpp"
+#include "geometry/linear.hpp"
+
+namespace endosdk {
+
+using Mat34 = std::array<double, 12>;
+
+// right_point = rotation * left_point + translation; the translation's unit is the unit of all depths.
+struct StereoRig {
+  Camera left;
+  Camera right;
+  Mat3 rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
+  Vec3 translation{};
+  int width = 0;
+  int height = 0;
+};
+
+// Rotations into the rectified frames and projections from there to rectified pixels. Both projections share focal
+// length and principal point; right_projection[3] is minus focal length times baseline.
+struct Rectification {
+  Mat3 left_rotation;
+  Mat3 right_rotation;
+  Mat34 left_projection;
+  Mat34 right_projection;
+};
+
+// Equals cv2.stereoRectify(flags=CALIB_ZERO_DISPARITY, alpha=alpha) for pinhole rigs and cv2.fisheye.stereoRectify with
+// balance=alpha for fisheye rigs: alpha 0 shows only pixels that both views have, 1 keeps every source pixel. A negative
+// alpha (pinhole only) keeps the mean focal length. The views must lie side by side.
+Rectification stereo_rectify(const StereoRig& rig, double alpha);
+
+// What one rectified view needs: the camera that took it and the geometry it is turned into.
+struct ViewGeometry {
+  Camera camera;
+  Mat3 rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
+  Mat34 projection{};
+};
+
+void check_view(const ViewGeometry& view, const char* name);
+
+// Tells for rectified pixels where they lie in the raw image.
+class SourceMap {
+ public:
+  explicit SourceMap(const ViewGeometry& view);
+
+  struct Source {
+    Point pixel;            // NaN for a ray that points backwards
+    bool unfolded = false;  // the lens model is one-to-one here
+  };
+  Source at(double x, double y) const;
+
+ private:
+  Camera camera_;
+  Mat3 to_ray_;
+  double fold_squared_;
+};
+
+}  // namespace endosdk

@@ -1,0 +1,61 @@
+// Views of pixels that belong to the caller, and the planar layout that the network reads.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "images/size.hpp"
+
+namespace endosdk {
+
+enum class ChannelOrder { rgb, bgr, gray };
+
+// Interleaved 8-bit rows: three channels, or one for gray. Rows may be any number of bytes apart, also backwards.
+struct ImageView {
+  const uint8_t* data = nullptr;
+  int width = 0;
+  int height = 0;
+  int channels = 0;
+  ptrdiff_t stride = 0;
+
+  const uint8_t* row(int y) const { return data + y * stride; }
+};
+
+// Three contiguous planes, red first, each width x height: the padded size of the network's input.
+struct PlanarView {
+  uint8_t* data = nullptr;
+  int width = 0;
+  int height = 0;
+
+  uint8_t* row(int plane, int y) const {
+    return data + (static_cast<ptrdiff_t>(plane) * height + y) * width;
+  }
+};
+
+// The three destination rows of channels 0, 1, 2 of a source in this order, so that the planes come out red first.
+struct PlaneRows {
+  uint8_t* channel[3];
+
+  PlaneRows(const PlanarView& out, ChannelOrder order, int y);
+};
+
+// Two cameras never give the same bytes: one of them was connected twice. Found out at the first row that differs.
+bool same_pixels(const ImageView& left, const ImageView& right);
+
+void check_source(const ImageView& image, ChannelOrder order, const char* name);
+void check_planar(const PlanarView& out, int min_width, int min_height, const char* name);
+
+// Writes the top left part of planes as tight RGB rows; null: nowhere.
+void copy_interleaved(const PlanarView& from, Size size, uint8_t* to);
+
+// Repeats the last picture column of row y up to the padded width.
+void pad_right(const PlanarView& out, int width, int y);
+
+// Repeats the last picture row down to the padded height.
+void pad_bottom(const PlanarView& out, int height);
+
+// Rewrites one pair of rectified frames as padded planes.
+void pack(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
+          ChannelOrder order);
+
+}  // namespace endosdk

@@ -1,0 +1,354 @@
+// The functions of endosdk.h. Each turns C structs into ours and every exception into a status; nothing else happens here.
+#include <endosdk/endosdk.h>
+
+#include <cstdio>
+#include <condition_variable>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <system_error>
+#include <vector>
+
+#include "library/build_info.hpp"
+#include "library/capi_structs.hpp"
+#include "frame_path/stream.hpp"
+#include "model/providers.hpp"
+#include "platform/fair_lock.hpp"
+
+using endosdk::Error;
+using endosdk::FramePath;
+using endosdk::Stream;
+
+namespace {
+
+// Calls inside a handle, which closing it waits for.
+class Callers {
+ public:
+  void enter() {
+    const std::lock_guard lock(mutex_);
+    ++count_;
+  }
+
+  void leave() {
+    const std::lock_guard lock(mutex_);
+    if (--count_ == 0) none_.notify_all();
+  }
+
+  void wait_for_none() {
+    std::unique_lock lock(mutex_);
+    none_.wait(lock, [&] { return count_ == 0; });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable none_;
+  int count_ = 0;
+};
+
+}  // namespace
+
+struct endo_estimator {
+  std::shared_ptr<FramePath> path;
+  Callers callers{};
+};
+
+struct endo_stream {
+  std::unique_ptr<Stream> stream;
+  // Of the frames in flight, and of the one that is being received.
+  std::vector<endosdk::ResultWriter> writers;
+  std::vector<endo_result*> results;
+  endosdk::FairLock submitting{};
+  endosdk::FairLock receiving{};
+  uint64_t submitted = 0;
+  Callers callers{};
+};
+
+namespace {
+
+// A fixed buffer, because out of memory must be reported, too.
+thread_local char last_error[1024] = "";
+
+endo_status report(endo_status status, const char* message) {
+  std::snprintf(last_error, sizeof last_error, "%s [%s]", message, endo_status_name(status));
+  return status;
+}
+
+// Runs the body of a function; no exception leaves it.
+template <typename Body>
+endo_status guarded(const Body& body) noexcept {
+  try {
+    body();
+    return ENDO_OK;
+  } catch (const Error& error) {
+    return report(error.status(), error.what());
+  } catch (const std::bad_alloc&) {
+    return report(ENDO_OUT_OF_MEMORY, "memory: is used up; got none");
+  } catch (const std::length_error&) {
+    return report(ENDO_OUT_OF_MEMORY, "memory: is used up; got a request beyond any memory");
+  } catch (const std::system_error& error) {
+    // What the C++ library throws where no further thread can be started.
+    const bool used_up = error.code() == std::errc::resource_unavailable_try_again;
+    return used_up ? report(ENDO_OUT_OF_MEMORY, "threads: the system must be able to start 1 more; got 0")
+                   : report(ENDO_INTERNAL, error.what());
+  } catch (const std::exception& error) {
+    return report(ENDO_INTERNAL, error.what());
+  } catch (...) {
+    return report(ENDO_INTERNAL, "internal: an unknown exception");
+  }
+}
+
+template <typename Pointer>
+void require_pointer(Pointer pointer, const char* argument) {
+  endosdk::require(pointer != nullptr, ENDO_INVALID_ARGUMENT, argument, "must not be NULL", "NULL");
+}
+
+// One call inside a handle.
+template <typename Handle>
+class Call {
+ public:
+  Call(Handle* handle, const char* argument) : handle_(handle) {
+    require_pointer(handle, argument);
+    handle_->callers.enter();
+  }
+  ~Call() { handle_->callers.leave(); }
+  Call(const Call&) = delete;
+  Call& operator=(const Call&) = delete;
+
+ private:
+  Handle* handle_;
+};
+
+// Runs the body with the frame path of an estimator.
+template <typename Body>
+void with(endo_estimator* estimator, const Body& body) {
+  const Call call(estimator, "estimator");
+  body(*estimator->path);
+}
+
+template <typename ReadModel>
+endo_status open(const endo_options* options, endo_estimator** estimator, const ReadModel& read) {
+  return guarded([&] {
+    require_pointer(estimator, "estimator");
+    *estimator = nullptr;
+    const endosdk::OpenRequest request = endosdk::open_request(options);
+    const bool other = !request.float32_model.empty() && endosdk::wants_float32_model(request.session.provider);
+    if (other) request.settings.log(ENDO_LOG_WARNING, "there is no fast 8-bit arithmetic here: float32_model is used");
+    auto model = std::make_shared<const endosdk::ModelFile>(
+        other ? endosdk::read_model(request.float32_model, request.float32_model_sha256) : read(request.model_sha256));
+    const endosdk::Log& log = request.settings.log;
+    auto session = std::make_shared<endosdk::OrtStereoSession>(endosdk::Runtime::open(request.runtime_library, log),
+                                                               std::move(model), request.session, log);
+    *estimator = new endo_estimator{std::make_shared<FramePath>(std::move(session), request.settings)};
+  });
+}
+
+}  // namespace
+
+extern "C" {
+
+const char* endo_version(void) { return endosdk::version_text(); }
+
+const char* endo_build_info(void) { return endosdk::build_info(); }
+
+const char* endo_last_error(void) { return last_error; }
+
+const char* endo_status_name(int32_t status) {
+  switch (status) {
+    case ENDO_OK: return "OK";
+    case ENDO_INVALID_ARGUMENT: return "INVALID_ARGUMENT";
+    case ENDO_INVALID_CALIBRATION: return "INVALID_CALIBRATION";
+    case ENDO_CALIBRATION_REQUIRED: return "CALIBRATION_REQUIRED";
+    case ENDO_CALIBRATION_SIZE_MISMATCH: return "CALIBRATION_SIZE_MISMATCH";
+    case ENDO_MODEL_NOT_FOUND: return "MODEL_NOT_FOUND";
+    case ENDO_MODEL_UNREADABLE: return "MODEL_UNREADABLE";
+    case ENDO_MODEL_METADATA: return "MODEL_METADATA";
+    case ENDO_MODEL_HASH_MISMATCH: return "MODEL_HASH_MISMATCH";
+    case ENDO_RUNTIME_MISSING: return "RUNTIME_MISSING";
+    case ENDO_PROVIDER_UNAVAILABLE: return "PROVIDER_UNAVAILABLE";
+    case ENDO_INFERENCE_FAILED: return "INFERENCE_FAILED";
+    case ENDO_CANCELLED: return "CANCELLED";
+    case ENDO_OUT_OF_MEMORY: return "OUT_OF_MEMORY";
+    case ENDO_SELF_TEST_FAILED: return "SELF_TEST_FAILED";
+    case ENDO_INTERNAL: return "INTERNAL";
+  }
+  return "UNKNOWN";
+}
+
+endo_status endo_options_init(endo_options* options, size_t struct_size) {
+  return guarded([&] {
+    require_pointer(options, "options");
+    endosdk::write_default_options(options, struct_size);
+  });
+}
+
+endo_status endo_open_file(const char* path, const endo_options* options, endo_estimator** estimator) {
+  return open(options, estimator, [&](const std::string& expected) {
+    require_pointer(path, "path");
+    return endosdk::read_model(path, expected);
+  });
+}
+
+endo_status endo_open_memory(const void* data, size_t size, const endo_options* options, endo_estimator** estimator) {
+  return open(options, estimator, [&](const std::string& expected) {
+    require_pointer(data, "data");
+    return endosdk::copy_model(data, size, expected);
+  });
+}
+
+void endo_close(endo_estimator* estimator) {
+  if (estimator == nullptr) return;
+  estimator->path->close();
+  estimator->callers.wait_for_none();
+  delete estimator;
+}
+
+endo_status endo_set_calibration(endo_estimator* estimator, const endo_calibration* calibration) {
+  return guarded([&] {
+    with(estimator, [&](FramePath& path) {
+      path.set_calibration(calibration != nullptr ? std::optional(endosdk::read_rig(*calibration)) : std::nullopt);
+    });
+  });
+}
+
+endo_status endo_get_geometry(endo_estimator* estimator, endo_geometry* geometry) {
+  return guarded([&] {
+    with(estimator, [&](FramePath& path) {
+      require_pointer(geometry, "geometry");
+      const std::shared_ptr<const endosdk::Rig> rig = path.calibration();
+      endosdk::require(rig != nullptr, ENDO_CALIBRATION_REQUIRED, "geometry", endosdk::calibration_rule, "no calibration");
+      endosdk::write_geometry(*rig, *geometry);
+    });
+  });
+}
+
+endo_status endo_prepare(endo_estimator* estimator, int32_t width, int32_t height) {
+  return guarded([&] {
+    with(estimator, [&](FramePath& path) { path.prepare(endosdk::frame_size(width, height)); });
+  });
+}
+
+endo_status endo_predict(endo_estimator* estimator, const endo_image* left, const endo_image* right,
+                         endo_result* result) {
+  endosdk::ResultWriter writer;
+  const endo_status status = guarded([&] {
+    writer.accept(result);
+    with(estimator, [&](FramePath& path) {
+      const endosdk::FramePair pair = endosdk::frame_pair(left, right);
+      writer.check_capacity(pair.size());
+      writer.write(path.predict(pair, writer.maps()));
+    });
+  });
+  if (status != ENDO_OK) writer.write_failure();
+  return status;
+}
+
+endo_status endo_rectify(endo_estimator* estimator, const endo_image* left, const endo_image* right,
+                         uint8_t* rectified_left, uint8_t* rectified_right, size_t capacity) {
+  return guarded([&] {
+    with(estimator, [&](FramePath& path) {
+      path.rectify(endosdk::frame_pair(left, right), rectified_left, rectified_right, capacity);
+    });
+  });
+}
+
+endo_status endo_get_rectified(endo_estimator* estimator, uint8_t* left, uint8_t* right, size_t capacity) {
+  return guarded([&] {
+    with(estimator, [&](FramePath& path) { path.rectified(left, right, capacity); });
+  });
+}
+
+endo_status endo_cancel(endo_estimator* estimator) {
+  return guarded([&] {
+    with(estimator, [](FramePath& path) { path.cancel(); });
+  });
+}
+
+endo_status endo_self_test(endo_estimator* estimator) {
+  return guarded([&] {
+    with(estimator, [](FramePath& path) { path.self_test(); });
+  });
+}
+
+endo_status endo_get_diagnostics(endo_estimator* estimator, char* buffer, size_t size, size_t* needed) {
+  return guarded([&] {
+    if (buffer != nullptr && size > 0) buffer[0] = '\0';
+    std::string report;
+    with(estimator, [&](FramePath& path) {
+      report = path.diagnostics().text("endosdk", endosdk::version_text()).raw("build", endosdk::build_info()).done();
+    });
+    if (needed != nullptr) *needed = report.size() + 1;
+    if (buffer == nullptr) return;
+    endosdk::require(size > report.size(), "size", "must be at least " + std::to_string(report.size() + 1) + " bytes", size);
+    std::memcpy(buffer, report.c_str(), report.size() + 1);
+  });
+}
+
+endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t height, int32_t* frames_in_flight,
+                             endo_stream** stream) {
+  return guarded([&] {
+    require_pointer(stream, "stream");
+    *stream = nullptr;
+    with(estimator, [&](FramePath& path) {
+      std::unique_ptr<Stream> opened = path.stream(endosdk::frame_size(width, height));
+      const size_t slots = static_cast<size_t>(opened->lanes()) + 1;
+      if (frames_in_flight != nullptr) *frames_in_flight = opened->lanes();
+      *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots),
+                                std::vector<endo_result*>(slots)};
+    });
+  });
+}
+
+endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, const endo_image* right,
+                               endo_result* result) {
+  endosdk::ResultWriter writer;
+  const endo_status status = guarded([&] {
+    writer.accept(result);
+    const Call call(stream, "stream");
+    const endosdk::FramePair pair = endosdk::frame_pair(left, right);
+    writer.check_capacity(pair.size());
+    const std::lock_guard lock(stream->submitting);
+    endosdk::require(stream->stream->wait_for_room(), "stream", "must not have ended", "an ended one");
+    const size_t slot = static_cast<size_t>(stream->submitted % stream->writers.size());
+    stream->writers[slot] = writer;
+    stream->results[slot] = result;
+    stream->stream->submit(pair, writer.maps(), &stream->writers[slot]);
+    ++stream->submitted;
+  });
+  if (status != ENDO_OK) writer.write_failure();
+  return status;
+}
+
+endo_status endo_stream_receive(endo_stream* stream, endo_result** result) {
+  return guarded([&] {
+    require_pointer(result, "result");
+    *result = nullptr;
+    const Call call(stream, "stream");
+    const std::lock_guard lock(stream->receiving);
+    const std::optional<Stream::Answer> answer = stream->stream->receive();
+    if (!answer) return;
+    auto* writer = static_cast<endosdk::ResultWriter*>(answer->tag);
+    *result = stream->results[static_cast<size_t>(writer - stream->writers.data())];
+    if (answer->error) {
+      writer->write_failure();
+      std::rethrow_exception(answer->error);
+    }
+    writer->write(answer->report);
+  });
+}
+
+endo_status endo_stream_end(endo_stream* stream) {
+  return guarded([&] {
+    const Call call(stream, "stream");
+    stream->stream->end();
+  });
+}
+
+void endo_stream_close(endo_stream* stream) {
+  if (stream == nullptr) return;
+  stream->stream->close();
+  stream->callers.wait_for_none();
+  delete stream;
+}
+
+}  // extern "C"

@@ -1,0 +1,216 @@
+#include "library/capi_structs.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <limits>
+
+#include "platform/errors.hpp"
+#include "platform/threads.hpp"
+
+namespace endosdk {
+namespace {
+
+// Sizes of the structs in the first release; they only grow.
+constexpr size_t first_options = 104;
+constexpr size_t first_calibration = 392;
+constexpr size_t first_geometry = 48;
+constexpr size_t first_image = 32;
+constexpr size_t first_result = 120;
+static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) == first_calibration &&
+              sizeof(endo_geometry) == first_geometry && sizeof(endo_image) == first_image &&
+              sizeof(endo_result) == first_result);
+
+constexpr size_t largest_struct = 65536;  // beyond it struct_size was surely never set
+
+void check_struct_size(size_t size, size_t first, const char* argument) {
+  require(size >= first && size <= largest_struct, ENDO_INVALID_ARGUMENT, Text(argument, ".struct_size"),
+          Text("must be sizeof the struct, at least ", first), size);
+}
+
+// A copy of the fields that both the caller and this library know; what only the caller knows must be zero.
+template <typename Struct>
+Struct read_struct(const Struct* given, size_t first, const char* argument) {
+  require(given != nullptr, ENDO_INVALID_ARGUMENT, argument, "must not be NULL", "NULL");
+  const size_t size = given->struct_size;
+  check_struct_size(size, first, argument);
+  const auto* bytes = reinterpret_cast<const unsigned char*>(given);
+  const bool understood = std::all_of(bytes + std::min(size, sizeof(Struct)), bytes + size, [](auto b) { return b == 0; });
+  require(understood, ENDO_INVALID_ARGUMENT, argument, "must use no field newer than this library", "a newer field");
+  Struct known{};
+  std::memcpy(&known, given, std::min(size, sizeof(Struct)));
+  return known;
+}
+
+template <typename Struct>
+void write_struct(Struct known, size_t size, Struct* target) {
+  known.struct_size = static_cast<uint32_t>(size);
+  std::memcpy(target, &known, std::min(size, sizeof(Struct)));
+}
+
+template <typename Rule, typename Value>
+void require_argument(bool holds, const char* argument, const Rule& rule, const Value& value) {
+  require(holds, ENDO_INVALID_ARGUMENT, argument, rule, value);
+}
+
+endo_options default_options() {
+  endo_options options{};
+  options.struct_size = sizeof options;
+  options.spinning = 1;
+  options.log_level = ENDO_LOG_WARNING;
+  options.provider = "cpu";
+  const FramePathSettings defaults;
+  options.min_confidence = defaults.limits.min_confidence;
+  options.min_depth_mm = defaults.limits.min_depth_mm;
+  options.max_depth_mm = defaults.limits.max_depth_mm;
+  options.depth_unit_mm = defaults.limits.depth_unit_mm;
+  options.deadline_ms = defaults.deadline_ms;
+  return options;
+}
+
+// NULL means "any" or "search", and is empty here. An empty text from the caller is a mistake, such as a variable that
+// was never filled, and must not switch off what he meant to ask for.
+std::string text_or_nothing(const char* text, const char* argument) {
+  require_argument(text == nullptr || *text != '\0', argument, "must be NULL or not empty", "''");
+  return text != nullptr ? text : "";
+}
+
+// The rules of the frame path's own settings stand there.
+void check_numbers(const endo_options& o) {
+  require_argument(o.spinning == 0 || o.spinning == 1, "spinning", "must be 0 or 1", o.spinning);
+  require_argument(o.log_level >= ENDO_LOG_ERROR && o.log_level <= ENDO_LOG_INFO, "log_level", "must be an endo_log_level",
+                   o.log_level);
+}
+
+std::optional<Size> network_size(const endo_options& o) {
+  if (o.network_width == 0 && o.network_height == 0) return std::nullopt;
+  return Size{o.network_width, o.network_height};
+}
+
+ImageView view_of(const endo_image& image, const char* argument) {
+  const bool known = image.format == ENDO_RGB8 || image.format == ENDO_BGR8 || image.format == ENDO_GRAY8;
+  require_argument(known, argument, "must have an endo_pixel_format", image.format);
+  require_argument(image.data != nullptr, argument, "must have data", "NULL");
+  const int channels = image.format == ENDO_GRAY8 ? 1 : 3;
+  const int64_t tight = int64_t{image.width} * channels;
+  const int64_t stride = image.stride == 0 ? tight : image.stride;
+  constexpr int64_t longest = std::numeric_limits<int32_t>::max();
+  require_argument(tight <= longest && stride >= -longest && stride <= longest, argument,
+                   "a row must take less than 2 GiB", stride);
+  return {image.data, image.width, image.height, channels, static_cast<ptrdiff_t>(stride)};
+}
+
+ChannelOrder order_of(int32_t format) {
+  if (format == ENDO_GRAY8) return ChannelOrder::gray;
+  return format == ENDO_BGR8 ? ChannelOrder::bgr : ChannelOrder::rgb;
+}
+
+}  // namespace
+
+void write_default_options(endo_options* options, size_t struct_size) {
+  check_struct_size(struct_size, first_options, "options");
+  std::memset(options, 0, struct_size);
+  write_struct(default_options(), struct_size, options);
+}
+
+OpenRequest open_request(const endo_options* options) {
+  const endo_options o = options != nullptr ? read_struct(options, first_options, "options") : default_options();
+  check_numbers(o);
+  OpenRequest request;
+  request.model_sha256 = text_or_nothing(o.model_sha256, "model_sha256");
+  request.float32_model = text_or_nothing(o.float32_model, "float32_model");
+  request.float32_model_sha256 = text_or_nothing(o.float32_model_sha256, "float32_model_sha256");
+  request.runtime_library = text_or_nothing(o.runtime_library, "runtime_library");
+  FramePathSettings& s = request.settings;
+  s.threads = o.threads;
+  s.network = network_size(o);
+  s.limits = {o.min_confidence, o.min_depth_mm, o.max_depth_mm, o.depth_unit_mm};
+  s.deadline_ms = o.deadline_ms;
+  s.log = {o.log, o.log_context, o.log_level};
+  check_settings(s);
+  if (s.threads == 0) s.threads = default_thread_count();
+  if (o.provider != nullptr) request.session.provider = o.provider;
+  request.session.threads = s.threads;
+  request.session.spinning = o.spinning == 1;
+  return request;
+}
+
+Rig read_rig(const endo_calibration& calibration) {
+  const endo_calibration numbers = read_struct(&calibration, first_calibration, "calibration");
+  try {
+    return Rig(numbers);
+  } catch (const Error& error) {  // the core found no rectified geometry
+    if (error.argument() == "size" || error.status() != ENDO_INVALID_ARGUMENT) throw;
+    throw Error(ENDO_INVALID_CALIBRATION, error.argument(), error.rule(), error.value());
+  }
+}
+
+void write_geometry(const Rig& rig, endo_geometry& geometry) {
+  endo_geometry known = read_struct(&geometry, first_geometry, "geometry");
+  const RectifiedGeometry& g = rig.geometry();
+  const size_t size = known.struct_size;
+  known.rectifies = rig.is_rectified() ? 0 : 1;
+  known.focal_px = g.focal_px();
+  known.baseline_mm = g.baseline_mm();
+  known.cx = g.cx();
+  known.cy = g.cy();
+  known.doffs = g.doffs();
+  write_struct(known, size, &geometry);
+}
+
+Size frame_size(int32_t width, int32_t height) {
+  const bool fits = width > 0 && height > 0 && int64_t{width} * height <= std::numeric_limits<int32_t>::max() / 3;
+  require_argument(fits, "size", "must be at least 1x1 and a frame less than 2 GiB",
+                   Text(width, "x", height));
+  return {width, height};
+}
+
+FramePair frame_pair(const endo_image* left, const endo_image* right) {
+  const endo_image l = read_struct(left, first_image, "left");
+  const endo_image r = read_struct(right, first_image, "right");
+  FramePair pair = {view_of(l, "left"), view_of(r, "right"), order_of(l.format)};
+  check_pair(pair);
+  require_argument(l.format == r.format, "right", "must have the format of left", r.format);
+  return pair;
+}
+
+void ResultWriter::accept(endo_result* result) {
+  known_ = read_struct(result, first_result, "result");
+  constexpr uint64_t most = std::numeric_limits<int32_t>::max();
+  require_argument(known_.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known_.capacity);
+  require_argument(known_.reserved == 0, "result.reserved", "must be 0", known_.reserved);
+  target_ = result;
+}
+
+void ResultWriter::check_capacity(Size size) const {
+  const uint64_t pixels = static_cast<uint64_t>(size.width) * static_cast<uint64_t>(size.height);
+  require_argument(known_.capacity >= pixels, "result.capacity", Text("must be at least ", pixels, " pixels"),
+                   known_.capacity);
+}
+
+MapsOut ResultWriter::maps() const {
+  return {known_.disparity, known_.confidence,    known_.depth,    known_.sigma,
+          known_.reasons,   known_.disparity_u16, known_.depth_u16};
+}
+
+void ResultWriter::write(const FrameReport& report) {
+  known_.quality = static_cast<int32_t>(report.quality);
+  known_.frame = report.frame;
+  known_.valid_share = report.valid_share;
+  known_.rectify_ms = report.rectify_ms;
+  known_.session_ms = report.session_ms;
+  known_.postprocess_ms = report.postprocess_ms;
+  known_.late = report.late ? 1 : 0;
+  store();
+}
+
+void ResultWriter::write_failure() {
+  if (target_ == nullptr) return;
+  write_no_answer(maps(), static_cast<size_t>(known_.capacity));
+  write({});
+}
+
+void ResultWriter::store() { write_struct(known_, known_.struct_size, target_); }
+
+}  // namespace endosdk

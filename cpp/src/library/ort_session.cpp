@@ -1,0 +1,214 @@
+#include "library/ort_session.hpp"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "library/session_interface.hpp"
+#include "model/providers.hpp"
+#include "platform/threads.hpp"
+
+namespace endosdk {
+namespace {
+
+std::string join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+std::vector<std::string> available_providers(const Runtime& runtime) {
+  char** names = nullptr;
+  int count = 0;
+  runtime.check(runtime.api().GetAvailableProviders(&names, &count), ENDO_INTERNAL, "runtime", "must list its providers");
+  std::vector<std::string> result(names, names + count);
+  runtime.check(runtime.api().ReleaseAvailableProviders(names, count), ENDO_INTERNAL, "runtime", "must free its list");
+  return result;
+}
+
+std::string installed_provider(const Runtime& runtime, const std::string& wanted) {
+  const std::string name = full_provider_name(wanted);
+  const std::vector<std::string> available = available_providers(runtime);
+  std::string short_names;
+  for (const Provider& p : providers) short_names.append(short_names.empty() ? "" : ", ").append(p.name);
+  require(std::find(available.begin(), available.end(), name) != available.end(), ENDO_PROVIDER_UNAVAILABLE, "provider",
+          Text("must be one of ", short_names, ", or a full name, and be installed here (installed: ", join(available), ")"),
+          name);
+  return name;
+}
+
+// Called from within the runtime, which no exception of the host's function may enter.
+void ORT_API_CALL forward_log(void* log, OrtLoggingLevel severity, const char*, const char*, const char*,
+                              const char* message) {
+  const endo_log_level level = severity >= ORT_LOGGING_LEVEL_ERROR     ? ENDO_LOG_ERROR
+                               : severity == ORT_LOGGING_LEVEL_WARNING ? ENDO_LOG_WARNING
+                                                                       : ENDO_LOG_INFO;
+  try {
+    (*static_cast<const Log*>(log))(level, message);
+  } catch (...) {
+    // The line is lost; the frame is not.
+  }
+}
+
+}  // namespace
+
+// One set of buffers, bound to the session.
+class OrtStereoSession::BoundRun : public Session::Run {
+ public:
+  BoundRun(const OrtStereoSession& session, SessionBuffers& buffers);
+
+  void operator()() override {
+    runtime_.check(runtime_.api().RunWithBinding(session_.session_.get(), options_.get(), binding_.get()),
+                   ENDO_INFERENCE_FAILED, "session", Text(session_.info_.name.c_str(), " must run on ", session_.facts_.provider.c_str()));
+  }
+
+  void stop() override { check(runtime_.api().RunOptionsSetTerminate(options_.get()), "must stop"); }
+  void resume() override { check(runtime_.api().RunOptionsUnsetTerminate(options_.get()), "must go on"); }
+
+ private:
+  void check(OrtStatus* status, const char* rule) const { runtime_.check(status, ENDO_INTERNAL, "session", rule); }
+  OrtValue* wrap(const OrtMemoryInfo* memory, void* data, size_t bytes, const std::array<int64_t, 4>& shape,
+                 ONNXTensorElementDataType type);
+
+  const OrtStereoSession& session_;
+  const Runtime& runtime_;
+  std::vector<OrtHandle<OrtValue>> values_;
+  OrtHandle<OrtIoBinding> binding_;
+  OrtHandle<OrtRunOptions> options_;
+};
+
+OrtStereoSession::BoundRun::BoundRun(const OrtStereoSession& session, SessionBuffers& buffers)
+    : session_(session),
+      runtime_(*session.runtime_),
+      binding_(nullptr, runtime_.api().ReleaseIoBinding),
+      options_(nullptr, runtime_.api().ReleaseRunOptions) {
+  const OrtApi& api = runtime_.api();
+  constexpr const char* rule = "must bind its memory";
+  OrtRunOptions* options = nullptr;
+  check(api.CreateRunOptions(&options), rule);
+  options_.reset(options);
+  OrtIoBinding* binding = nullptr;
+  check(api.CreateIoBinding(session_.session_.get(), &binding), rule);
+  binding_.reset(binding);
+  OrtMemoryInfo* info = nullptr;
+  check(api.CreateCpuMemoryInfo(OrtDeviceAllocator, OrtMemTypeDefault, &info), rule);
+  const OrtHandle<OrtMemoryInfo> memory(info, api.ReleaseMemoryInfo);
+  values_.reserve(4);
+  const auto bind_picture = [&](const char* name, const PlanarView& view) {
+    const size_t bytes = size_t{3} * static_cast<size_t>(view.width) * static_cast<size_t>(view.height);
+    OrtValue* value = wrap(info, view.data, bytes, {1, 3, view.height, view.width}, ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT8);
+    check(api.BindInput(binding, name, value), rule);
+  };
+  const auto bind_map = [&](const char* name, const MutableFloatView& map) {
+    const size_t bytes = sizeof(float) * static_cast<size_t>(map.width) * static_cast<size_t>(map.height);
+    OrtValue* value = wrap(info, map.data, bytes, {1, 1, map.height, map.width}, ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT);
+    check(api.BindOutput(binding, name, value), rule);
+  };
+  bind_picture("left", buffers.left());
+  bind_picture("right", buffers.right());
+  bind_map("disparity", buffers.disparity());
+  bind_map("confidence", buffers.confidence());
+}
+
+OrtValue* OrtStereoSession::BoundRun::wrap(const OrtMemoryInfo* memory, void* data, size_t bytes,
+                                           const std::array<int64_t, 4>& shape, ONNXTensorElementDataType type) {
+  OrtValue* value = nullptr;
+  check(runtime_.api().CreateTensorWithDataAsOrtValue(memory, data, bytes, shape.data(), shape.size(), type, &value),
+        "must bind its memory");
+  values_.emplace_back(value, runtime_.api().ReleaseValue);
+  return value;
+}
+
+OrtStereoSession::OrtStereoSession(std::shared_ptr<const Runtime> runtime, std::shared_ptr<const ModelFile> model,
+                                   const SessionSettings& settings, const Log& log)
+    : runtime_(std::move(runtime)),
+      file_(std::move(model)),
+      settings_(settings),
+      log_(log),
+      facts_{installed_provider(*runtime_, settings.provider), runtime_->version(), runtime_->path(),
+             runtime_->telemetry_on()},
+      environment_(nullptr, runtime_->api().ReleaseEnv),
+      session_(nullptr, runtime_->api().ReleaseSession) {
+  open();
+  read_metadata();
+  check_interface(*runtime_, session_.get());
+}
+
+std::unique_ptr<Session::Run> OrtStereoSession::bind(SessionBuffers& buffers) {
+  return std::make_unique<BoundRun>(*this, buffers);
+}
+
+std::shared_ptr<Session> OrtStereoSession::for_one_thread_each() {
+  if (facts_.provider != cpu_provider || settings_.threads == 1) return nullptr;
+  return std::make_shared<OrtStereoSession>(runtime_, file_, SessionSettings{settings_.provider, 1, false}, log_);
+}
+
+void OrtStereoSession::open() {
+  const OrtApi& api = runtime_->api();
+  const auto check = [&](OrtStatus* status) { runtime_->check(status, ENDO_INTERNAL, "runtime", "must take its settings"); };
+  OrtEnv* environment = nullptr;
+  // The environment is the whole process's; what it would print goes to each session's own log instead.
+  check(api.CreateEnv(ORT_LOGGING_LEVEL_FATAL, "endosdk", &environment));
+  environment_.reset(environment);
+  OrtSessionOptions* made = nullptr;
+  check(api.CreateSessionOptions(&made));
+  const OrtHandle<OrtSessionOptions> options(made, api.ReleaseSessionOptions);
+  const bool wants_info = log_.level >= ENDO_LOG_INFO;
+  check(api.SetUserLoggingFunction(options.get(), forward_log, &log_));
+  check(api.SetSessionLogSeverityLevel(options.get(), wants_info ? ORT_LOGGING_LEVEL_INFO : ORT_LOGGING_LEVEL_ERROR));
+  check(api.SetIntraOpNumThreads(options.get(), settings_.threads));
+  check(api.AddSessionConfigEntry(options.get(), "session.intra_op.allow_spinning", settings_.spinning ? "1" : "0"));
+  // Waiting threads must not burn the cores that rectification and post-processing need between two runs.
+  check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
+  add_provider(options.get());
+  // The runtime hangs where the system runs out of threads while it starts its own, so they are asked for first.
+  reserve_threads(settings_.threads);
+  OrtSession* session = nullptr;
+  runtime_->check(api.CreateSessionFromArray(environment_.get(), file_->data.data(), file_->data.size(), options.get(), &session),
+                  ENDO_MODEL_UNREADABLE, "model", Text(file_->origin, " must be an ONNX file that runs here"));
+  session_.reset(session);
+}
+
+void OrtStereoSession::add_provider(OrtSessionOptions* options) const {
+  const OrtApi& api = runtime_->api();
+  const auto check = [&](OrtStatus* status) {
+    runtime_->check(status, ENDO_PROVIDER_UNAVAILABLE, "provider", Text(facts_.provider, " must start on this machine"));
+  };
+  if (facts_.provider == cpu_provider) return;
+  // A node that cannot run on the accelerator is an error, never a silent move to the processor.
+  check(api.AddSessionConfigEntry(options, "session.disable_cpu_ep_fallback", "1"));
+  if (facts_.provider == "CUDAExecutionProvider") {
+    OrtCUDAProviderOptionsV2* cuda = nullptr;
+    check(api.CreateCUDAProviderOptions(&cuda));
+    const OrtHandle<OrtCUDAProviderOptionsV2> held(cuda, api.ReleaseCUDAProviderOptions);
+    check(api.SessionOptionsAppendExecutionProvider_CUDA_V2(options, cuda));
+  } else if (facts_.provider == "TensorrtExecutionProvider") {
+    OrtTensorRTProviderOptionsV2* tensorrt = nullptr;
+    check(api.CreateTensorRTProviderOptions(&tensorrt));
+    const OrtHandle<OrtTensorRTProviderOptionsV2> held(tensorrt, api.ReleaseTensorRTProviderOptions);
+    check(api.SessionOptionsAppendExecutionProvider_TensorRT_V2(options, tensorrt));
+  } else {
+    // The runtime's general call wants the name without its common ending.
+    const std::string ending = "ExecutionProvider";
+    const std::string name = facts_.provider.substr(0, facts_.provider.size() - std::min(facts_.provider.size(), ending.size()));
+    check(api.SessionOptionsAppendExecutionProvider(options, name.c_str(), nullptr, nullptr, 0));
+  }
+}
+
+void OrtStereoSession::read_metadata() {
+  const OrtApi& api = runtime_->api();
+  const auto check = [&](OrtStatus* status) { runtime_->check(status, ENDO_MODEL_METADATA, "model", "must have metadata"); };
+  OrtModelMetadata* found = nullptr;
+  check(api.SessionGetModelMetadata(session_.get(), &found));
+  const OrtHandle<OrtModelMetadata> metadata(found, api.ReleaseModelMetadata);
+  OrtAllocator* allocator = nullptr;
+  check(api.GetAllocatorWithDefaultOptions(&allocator));
+  info_ = parse_metadata([&](const std::string& key) -> std::optional<std::string> {
+    char* value = nullptr;
+    check(api.ModelMetadataLookupCustomMetadataMap(metadata.get(), allocator, key.c_str(), &value));
+    const OrtText held(value, {allocator});
+    return held ? std::optional<std::string>(held.get()) : std::nullopt;
+  }, file_->sha256);
+}
+
+}  // namespace endosdk

@@ -1,0 +1,68 @@
+// ONNX Runtime, found and opened while the program runs, so that one binary works with every version from 1.21 on.
+#pragma once
+
+#include <onnxruntime_c_api.h>
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "platform/log.hpp"
+#include "platform/errors.hpp"
+
+namespace endosdk {
+
+// The function table only grows, so this age is enough for all that is called here.
+constexpr uint32_t runtime_api = 21;
+static_assert(ORT_API_VERSION >= runtime_api, "the headers of ONNX Runtime must be of version 1.21 or later");
+
+class Runtime {
+ public:
+  // An empty path searches: $ENDOSDK_ORT_LIBRARY, beside this library, the active Python environment, the system.
+  static std::shared_ptr<const Runtime> open(const std::string& path, const Log& log);
+
+  ~Runtime();
+  Runtime(const Runtime&) = delete;
+  Runtime& operator=(const Runtime&) = delete;
+
+  const OrtApi& api() const { return *api_; }
+  const std::string& version() const { return version_; }
+  const std::string& path() const { return path_; }
+
+  // Whether the host opened the library, with its telemetry on, before we could switch that off.
+  bool telemetry_on() const { return telemetry_on_; }
+
+  // Turns a failed call of the runtime into an Error: of `code`, unless it failed for want of memory or threads.
+  template <typename Rule>
+  void check(OrtStatus* status, endo_status code, const char* argument, const Rule& rule) const {
+    if (status == nullptr) return;
+    const std::unique_ptr<OrtStatus, void(ORT_API_CALL*)(OrtStatus*)> held(status, api_->ReleaseStatus);
+    const char* message = api_->GetErrorMessage(held.get());
+    fail(is_out_of_resources(message) ? ENDO_OUT_OF_MEMORY : code, argument, rule, message);
+  }
+
+ private:
+  Runtime(void* library, std::string path, bool was_loaded);  // without an api_ when the library is not one for us
+
+  // The runtime has no code of its own for this; its text tells.
+  static bool is_out_of_resources(std::string_view message);
+
+  void* library_;
+  std::string path_;
+  std::string version_;
+  const OrtApi* api_ = nullptr;
+  bool telemetry_on_ = false;
+};
+
+// A string that the runtime allocated.
+struct OrtTextRelease {
+  OrtAllocator* allocator;
+  void operator()(char* text) const { allocator->Free(allocator, text); }
+};
+using OrtText = std::unique_ptr<char, OrtTextRelease>;
+
+// Objects of the runtime are released by functions from its table.
+template <typename Type>
+using OrtHandle = std::unique_ptr<Type, void(ORT_API_CALL*)(Type*)>;
+
+}  // namespace endosdk

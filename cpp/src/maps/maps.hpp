@@ -1,0 +1,52 @@
+// The maps of one frame, in the caller's memory or in our own.
+#pragma once
+
+#include <endosdk/endosdk.h>
+
+#include <vector>
+
+#include "images/resize.hpp"
+#include "images/size.hpp"
+
+namespace endosdk {
+
+// What a metric output without a calibration is told, in both faces.
+constexpr const char* calibration_rule = "needs a calibration (Python: calibration=rig; C: endo_set_calibration)";
+
+// Where one frame's maps go; each pointer may be null where the caller does not want that map.
+struct MapsOut {
+  float* disparity = nullptr;
+  float* confidence = nullptr;
+  float* depth = nullptr;
+  float* sigma = nullptr;
+  uint8_t* reasons = nullptr;
+  uint16_t* disparity_u16 = nullptr;
+  uint16_t* depth_u16 = nullptr;
+
+};
+
+// Refuses maps that lie in each other or askew in memory, and metric ones without a calibration.
+void check_maps(const MapsOut& maps, Size size, bool calibrated);
+
+// Memory for what must be computed although the caller does not want it. Made once per frame size.
+class SpareMaps {
+ public:
+  explicit SpareMaps(size_t pixels) : disparity_(pixels), confidence_(pixels), depth_(pixels), reasons_(pixels) {}
+
+  // The caller's maps, and ours where there is none but one is needed.
+  MapsOut complete(const MapsOut& wanted);
+
+ private:
+  std::vector<float> disparity_;
+  std::vector<float> confidence_;
+  std::vector<float> depth_;
+  std::vector<uint8_t> reasons_;
+};
+
+// Writes the 16-bit maps from the others: disparity in steps of 1/256 px, depth in steps of depth_unit_mm.
+void write_u16(const MapsOut& maps, size_t pixels, double depth_unit_mm);
+
+// Makes every pixel read as one without an answer, so that a failed frame cannot be taken for the one before.
+void write_no_answer(const MapsOut& maps, size_t pixels);
+
+}  // namespace endosdk

@@ -1,0 +1,74 @@
+// From the network's small maps to full-size disparity, confidence, reasons, depth and expected error, in one pass.
+#pragma once
+
+#include <cstdint>
+
+#include "maps/photometric_consistency.hpp"
+#include "maps/glare_rows.hpp"
+#include "maps/joint_bilateral.hpp"
+#include "images/image.hpp"
+#include "images/resize.hpp"
+
+namespace endosdk {
+
+// Rectified geometry and the range in which it was calibrated. Without it (focal_px 0) there is no depth.
+struct DepthGeometry {
+  double focal_px = 0.0;
+  double baseline_mm = 0.0;
+  double doffs = 0.0;
+  double min_depth_mm = 0.0;
+  double max_depth_mm = 0.0;  // may be infinite
+};
+
+// Surfaces nearer than the last plane come out at it or a little short of it, with high confidence. Answers this close to
+// it, in network pixels, cannot be told from theirs and count as out of range.
+constexpr double range_margin = 0.5;
+
+struct PostprocessInput {
+  FloatView disparity;   // network pixels
+  FloatView confidence;  // probability that the network's error is at most one of its pixels
+  Scale scale;
+  float gain = 1.0f;  // network pixels to frame pixels
+  float min_confidence = 0.0f;
+  double max_candidate_disparity = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
+  PlanarView left;  // as the network saw it, for saturation and to guide the upsampling; no data: neither
+  PlanarView right;  // of the same size; no data: whether the views agree is not tested
+  bool same_frames = false;  // as the cameras gave them, see same_pixels(): then no answer is to be trusted
+  Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
+  double right_shift = 0.0;  // frame pixels by which the right view was moved to the left before the network saw it
+  const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
+  const uint8_t* valid_right = nullptr;
+  Upsampling upsampling;
+  DepthGeometry geometry;
+};
+
+// Caller-owned maps of one size. Depth and sigma may be null; both need a geometry.
+struct PostprocessOutput {
+  MutableFloatView disparity;
+  MutableFloatView confidence;
+  uint8_t* reasons = nullptr;
+  float* depth = nullptr;
+  float* sigma = nullptr;
+};
+
+// Tables and scratch rows, kept between frames so that a frame allocates nothing.
+struct PostprocessScratch {
+  RowResizer disparity;
+  RowResizer confidence;
+  JointBilateralUpsampling upsampling;
+  GlareRows glare;
+  PhotometricConsistency consistency;
+};
+
+// Where the left view has a whole number of pixels, two or more, per cell of the disparity, the disparity comes to the
+// view's grid guided by it, and from there to the output, like the confidence from its own grid, by bilinear resizing.
+// Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
+// right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
+// (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to
+// one network pixel is the confidence. Both are NaN where a pixel has a reason.
+int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch);
+
+// The same with scratch memory of the calling thread.
+int postprocess(const PostprocessInput& input, const PostprocessOutput& output);
+
+}  // namespace endosdk

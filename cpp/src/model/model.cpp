@@ -1,0 +1,156 @@
+#include "model/model.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <sstream>
+#include <string_view>
+
+#include "platform/json.hpp"
+#include "model/weights.hpp"
+#include "platform/sha256.hpp"
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+// The keys that not every model carries.
+constexpr const char* max_candidate_disparity_key = "max_candidate_disparity";
+constexpr const char* inference_width_key = "inference_width";
+constexpr const char* upsampling_key = "upsampling";
+
+constexpr const char* format_version = "1";
+const std::string prefix = "endosdk.";
+
+std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
+
+void check_hash(ModelFile& model, const std::string& expected) {
+  model.sha256 = sha256(model.data.data(), model.data.size());
+  if (expected.empty()) return;
+  std::string wanted = expected;
+  for (char& c : wanted) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
+  const bool well_formed = wanted.size() == 64 && wanted.find_first_not_of("0123456789abcdef") == std::string::npos;
+  require(well_formed, ENDO_INVALID_ARGUMENT, "model_sha256", "must be 64 hexadecimal digits", in_quotes(expected));
+  require(wanted == model.sha256, ENDO_MODEL_HASH_MISMATCH, "model", model.origin + " must have SHA-256 " + wanted,
+          model.sha256);
+}
+
+void check_content(ModelFile& model, const std::string& expected) {
+  check_hash(model, expected);
+  check_weights_are_inside(model.data, model.origin);
+}
+
+std::string required(const MetadataLookup& lookup, const std::string& key) {
+  const std::optional<std::string> value = lookup(prefix + key);
+  require(value && !value->empty(), ENDO_MODEL_METADATA, prefix + key,
+          "a model for endosdk must carry this metadata key", "nothing");
+  return *value;
+}
+
+int positive(const MetadataLookup& lookup, const std::string& key) {
+  const std::string text = required(lookup, key);
+  int number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  require(whole && number > 0, ENDO_MODEL_METADATA, prefix + key, "must be a positive whole number", in_quotes(text));
+  return number;
+}
+
+// 0 where the model says nothing.
+int optional(const MetadataLookup& lookup, const std::string& key) {
+  return lookup(prefix + key) ? positive(lookup, key) : 0;
+}
+
+// The number after a word of the text, and that text cut off.
+float number_after(std::string_view word, std::string_view& text) {
+  float number = 0.0f;
+  if (text.substr(0, word.size()) != word) return 0.0f;
+  text.remove_prefix(word.size());
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  text.remove_prefix(static_cast<size_t>(end - text.data()));
+  return error == std::errc() ? number : 0.0f;
+}
+
+Upsampling parse_upsampling(const std::string& stated) {
+  std::string_view rest = stated;
+  Upsampling found;
+  const float reach = number_after("joint_bilateral reach=", rest);
+  found.unlike = number_after(" unlike=", rest);
+  found.least_likeness = number_after(" least_likeness=", rest);
+  const bool known = rest.empty() && reach == upsampling_reach && found.unlike > 0.0f && found.least_likeness > 0.0f;
+  require(known, ENDO_MODEL_METADATA, prefix + upsampling_key, Text("must be of the form ", text_of(Upsampling())),
+          in_quotes(stated));
+  return found;
+}
+
+}  // namespace
+
+std::string text_of(const Upsampling& u) {
+  std::ostringstream text;
+  text << "joint_bilateral reach=" << upsampling_reach << " unlike=" << u.unlike << " least_likeness=" << u.least_likeness;
+  return text.str();
+}
+
+ModelFile read_model(const std::string& path, const std::string& expected) {
+  const auto missing = [&](const char* reason) {
+    fail(ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read", in_quotes(path) + ": " + reason);
+  };
+  // Opening a pipe would otherwise wait for somebody who writes to it.
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const std::unique_ptr<FILE, int (*)(FILE*)> file(descriptor < 0 ? nullptr : fdopen(descriptor, "rb"), std::fclose);
+  if (!file) {
+    const int error = errno;
+    if (descriptor >= 0) close(descriptor);
+    missing(std::strerror(error));
+  }
+  struct stat status{};
+  if (fstat(descriptor, &status) != 0) missing(std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) missing("no regular file");
+  ModelFile model;
+  model.origin = path;
+  model.data.resize(static_cast<size_t>(status.st_size));
+  if (std::fread(model.data.data(), 1, model.data.size(), file.get()) != model.data.size()) missing(std::strerror(EIO));
+  check_content(model, expected);
+  return model;
+}
+
+ModelFile copy_model(const void* data, size_t size, const std::string& expected) {
+  ModelFile model;
+  model.origin = "<memory>";
+  model.data.assign(static_cast<const char*>(data), static_cast<const char*>(data) + size);
+  check_content(model, expected);
+  return model;
+}
+
+ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256) {
+  const std::string format = required(lookup, "format_version");
+  require(format == format_version, ENDO_MODEL_METADATA, "endosdk.format_version",
+          std::string("this release reads format ") + format_version, in_quotes(format));
+  const std::string order = required(lookup, "channel_order");
+  require(order == "rgb", ENDO_MODEL_METADATA, "endosdk.channel_order", "must be rgb", in_quotes(order));
+  ModelInfo info;
+  info.training = required(lookup, "training");
+  require(is_json(info.training), ENDO_MODEL_METADATA, "endosdk.training", "must be JSON", "another text");
+  info.name = required(lookup, "name");
+  info.version = required(lookup, "version");
+  info.input_multiple = positive(lookup, "input_multiple");
+  info.output_stride = positive(lookup, "output_stride");
+  info.max_disparity = positive(lookup, "max_disparity");
+  info.max_candidate_disparity = optional(lookup, max_candidate_disparity_key);
+  require(info.max_candidate_disparity <= info.max_disparity, ENDO_MODEL_METADATA, prefix + max_candidate_disparity_key,
+          Text("must be at most max_disparity, ", info.max_disparity), info.max_candidate_disparity);
+  info.inference_width = optional(lookup, inference_width_key);
+  if (const auto stated = lookup(prefix + upsampling_key)) info.upsampling = parse_upsampling(*stated);
+  info.license = required(lookup, "license");
+  info.intended_use = required(lookup, "intended_use");
+  info.sha256 = sha256;
+  return info;
+}
+
+}  // namespace endosdk

@@ -1,0 +1,47 @@
+// Model files: their bytes and hash, and what they say of themselves.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "maps/upsampling.hpp"
+
+namespace endosdk {
+
+struct ModelFile {
+  std::vector<char> data;
+  std::string origin;
+  std::string sha256;
+};
+
+// As the metadata of a model states it.
+std::string text_of(const Upsampling& upsampling);
+
+// The `endosdk.*` metadata of a model.
+struct ModelInfo {
+  std::string name;
+  std::string version;
+  int input_multiple = 1;  // both sides of the input are padded to a multiple of this, px
+  int output_stride = 1;   // the output grid is the input grid divided by this
+  int max_disparity = 0;   // px at the input's width
+  int max_candidate_disparity = 0;      // the largest disparity the network considers, px at the input's width; 0: not stated
+  int inference_width = 0;     // px; wider frames are seen at this width unless the caller sets a size; 0: none named
+  Upsampling upsampling;
+  std::string license;
+  std::string intended_use;
+  std::string training;  // JSON
+  std::string sha256;    // of the model's bytes
+};
+
+// Hash and content are of the very bytes that are kept, which hold all of the model. An empty `expected` accepts any hash.
+ModelFile read_model(const std::string& path, const std::string& expected);
+ModelFile copy_model(const void* data, size_t size, const std::string& expected);
+
+using MetadataLookup = std::function<std::optional<std::string>(const std::string& key)>;
+
+// Names the key that is missing or wrong.
+ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256);
+
+}  // namespace endosdk

@@ -1,0 +1,118 @@
+#include "model/weights.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+// The messages of onnx.proto that can hold tensors.
+enum class Kind { model, training, graph, function, node, attribute, sparse, tensor };
+
+// Which field of which message holds which of these messages.
+struct Part {
+  Kind whole;
+  uint64_t field;
+  Kind part;
+};
+
+constexpr Part parts[] = {
+    {Kind::model, 7, Kind::graph},        {Kind::model, 20, Kind::training},   {Kind::model, 25, Kind::function},
+    {Kind::training, 1, Kind::graph},     {Kind::training, 2, Kind::graph},    {Kind::graph, 1, Kind::node},
+    {Kind::graph, 5, Kind::tensor},       {Kind::graph, 15, Kind::sparse},     {Kind::function, 7, Kind::node},
+    {Kind::function, 11, Kind::attribute}, {Kind::node, 5, Kind::attribute},   {Kind::attribute, 5, Kind::tensor},
+    {Kind::attribute, 6, Kind::graph},    {Kind::attribute, 10, Kind::tensor}, {Kind::attribute, 11, Kind::graph},
+    {Kind::attribute, 22, Kind::sparse},  {Kind::attribute, 23, Kind::sparse}, {Kind::sparse, 1, Kind::tensor},
+    {Kind::sparse, 2, Kind::tensor},
+};
+constexpr uint64_t tensor_name = 8;
+constexpr uint64_t tensor_location = 14;  // 0: inside; 1: in another file
+
+constexpr int deepest = 100;  // as in protobuf itself
+
+// One field of a protobuf message.
+struct Field {
+  uint64_t number = 0;
+  uint64_t value = 0;      // of whole numbers
+  std::string_view bytes;  // of texts and messages
+};
+
+// Goes through a message field by field.
+class Fields {
+ public:
+  Fields(std::string_view message, const std::string& origin) : rest_(message), origin_(origin) {}
+
+  std::optional<Field> next() {
+    if (rest_.empty()) return std::nullopt;
+    const uint64_t tag = varint();
+    Field field;
+    field.number = tag >> 3;
+    switch (tag & 7) {
+      case 0: field.value = varint(); break;
+      case 1: take(8); break;
+      case 2: field.bytes = take(varint()); break;
+      case 5: take(4); break;
+      default: refuse();
+    }
+    return field;
+  }
+
+  [[noreturn]] void refuse() const {
+    fail(ENDO_MODEL_UNREADABLE, "model", Text(origin_, " must be an ONNX file that runs here"), "other bytes");
+  }
+
+ private:
+  std::string_view take(uint64_t count) {
+    if (count > rest_.size()) refuse();
+    const std::string_view taken = rest_.substr(0, count);
+    rest_.remove_prefix(count);
+    return taken;
+  }
+
+  uint64_t varint() {
+    uint64_t value = 0;
+    for (int shift = 0; shift < 64; shift += 7) {
+      const auto byte = static_cast<unsigned char>(take(1).front());
+      value |= uint64_t{byte & 0x7fu} << shift;
+      if (byte < 0x80) return value;
+    }
+    refuse();
+  }
+
+  std::string_view rest_;
+  const std::string& origin_;
+};
+
+void check_tensor(std::string_view tensor, const std::string& origin) {
+  bool inside = true;
+  std::string_view name;
+  Fields fields(tensor, origin);
+  while (const std::optional<Field> field = fields.next()) {
+    if (field->number == tensor_name) name = field->bytes;
+    if (field->number == tensor_location && field->value != 0) inside = false;
+  }
+  require(inside, ENDO_MODEL_METADATA, "model", Text(origin, " must hold its weights itself"),
+          Text("'", name, "' in another file"));
+}
+
+void check(Kind kind, std::string_view message, const std::string& origin, int depth) {
+  if (kind == Kind::tensor) return check_tensor(message, origin);
+  Fields fields(message, origin);
+  if (depth > deepest) fields.refuse();
+  while (const std::optional<Field> field = fields.next()) {
+    for (const Part& p : parts) {
+      if (p.whole == kind && p.field == field->number) check(p.part, field->bytes, origin, depth + 1);
+    }
+  }
+}
+
+}  // namespace
+
+void check_weights_are_inside(const std::vector<char>& model, const std::string& origin) {
+  check(Kind::model, {model.data(), model.size()}, origin, 0);
+}
+
+}  // namespace endosdk

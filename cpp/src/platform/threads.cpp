@@ -1,0 +1,182 @@
+#include "platform/threads.hpp"
+
+#include <pthread.h>
+#include <sched.h>
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+thread_local int wanted_threads = 0;  // 0: the default
+
+// One loop while it runs. Workers take blocks from a shared counter, so a slow or late worker costs little.
+struct Loop {
+  const LoopBody* body = nullptr;
+  int count = 0;
+  int block = 1;
+  int workers = 0;
+  std::atomic<int> next{0};
+
+  void work(int worker) {
+    for (int begin = next.fetch_add(block); begin < count; begin = next.fetch_add(block)) {
+      (*body)(begin, std::min(begin + block, count), worker);
+    }
+  }
+};
+
+void run_alone(int count, int block, const LoopBody& body) {
+  for (int begin = 0; begin < count; begin += block) body(begin, std::min(begin + block, count), 0);
+}
+
+class Pool {
+ public:
+  void run(int count, int block, const LoopBody& body, int workers) {
+    const std::unique_lock running(running_, std::try_to_lock);
+    if (!running.owns_lock()) {
+      run_alone(count, block, body);
+      return;
+    }
+    start(workers - 1);
+    {
+      const std::lock_guard lock(mutex_);
+      loop_.body = &body;
+      loop_.count = count;
+      loop_.block = block;
+      loop_.workers = workers;
+      loop_.next = 0;
+      ++generation_;
+      open_ = true;
+    }
+    wake_.notify_all();
+    loop_.work(0);
+    // Only workers that joined in time matter: one that other programs keep from running must not delay the frame.
+    std::unique_lock lock(mutex_);
+    open_ = false;
+    done_.wait(lock, [&] { return active_ == 0; });
+  }
+
+ private:
+  void start(int workers) {
+    for (; started_ < workers; ++started_) {
+      try {
+        std::thread([this, worker = started_ + 1, seen = generation_]() mutable { serve(worker, seen); }).detach();
+      } catch (const std::system_error&) {
+        return;  // the system has no thread left: the loop runs on those there are
+      }
+    }
+  }
+
+  [[noreturn]] void serve(int worker, unsigned seen) {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      wake_.wait(lock, [&] { return generation_ != seen; });
+      seen = generation_;
+      if (!open_ || worker >= loop_.workers) continue;
+      ++active_;
+      lock.unlock();
+      loop_.work(worker);
+      lock.lock();
+      if (--active_ == 0) done_.notify_one();
+    }
+  }
+
+  std::mutex running_;  // held by the caller whose loop the workers serve
+  int started_ = 0;     // workers; guarded by running_
+  std::mutex mutex_;    // guards everything below
+  std::condition_variable wake_;
+  std::condition_variable done_;
+  Loop loop_;
+  unsigned generation_ = 0;
+  int active_ = 0;     // workers inside the loop
+  bool open_ = false;  // workers may still join the loop
+};
+
+// Never destroyed, and its workers never end: at exit they sleep and hold nothing, and joining them could deadlock.
+Pool* pool_instance = nullptr;
+std::mutex pool_mutex;
+
+// A forked child has none of the parent's threads and cannot use their locks: it leaves the old pool alone and makes
+// its own. The mutex is held across the fork so that the child finds it in a known state.
+void before_fork() { pool_mutex.lock(); }
+void after_fork_parent() { pool_mutex.unlock(); }
+void after_fork_child() {
+  if (pool_instance != nullptr) pool_instance = new Pool();
+  pool_mutex.unlock();
+}
+
+Pool& pool() {
+  const std::lock_guard lock(pool_mutex);
+  if (pool_instance == nullptr) {
+    pool_instance = new Pool();
+    pthread_atfork(before_fork, after_fork_parent, after_fork_child);
+  }
+  return *pool_instance;
+}
+
+}  // namespace
+
+int default_thread_count() {
+  constexpr int plenty = 8;  // beyond this the kernels wait for memory
+  cpu_set_t cores;
+  CPU_ZERO(&cores);
+  const int available = sched_getaffinity(0, sizeof(cores), &cores) == 0
+                            ? CPU_COUNT(&cores)
+                            : static_cast<int>(std::thread::hardware_concurrency());
+  return std::clamp(available, 1, plenty);
+}
+
+void reserve_threads(int count) {
+  std::mutex mutex;
+  std::condition_variable change;
+  bool may_end = false;
+  std::vector<std::thread> threads;
+  threads.reserve(static_cast<size_t>(count));
+  const auto wait = [&] {
+    std::unique_lock lock(mutex);
+    change.wait(lock, [&] { return may_end; });
+  };
+  bool short_of_threads = false;
+  for (int i = 0; i < count && !short_of_threads; ++i) {
+    try {
+      threads.emplace_back(wait);
+    } catch (const std::system_error&) {
+      short_of_threads = true;
+    }
+  }
+  const int started = static_cast<int>(threads.size());
+  {
+    const std::lock_guard lock(mutex);
+    may_end = true;
+  }
+  change.notify_all();
+  for (std::thread& thread : threads) thread.join();
+  require(!short_of_threads, ENDO_OUT_OF_MEMORY, "threads", Text("the system must be able to start ", count, " more"),
+          started);
+}
+
+int thread_count() { return wanted_threads > 0 ? wanted_threads : default_thread_count(); }
+
+void set_thread_count(int count) {
+  require(count >= 1 && count <= max_threads, "threads", Text("must be 1 to ", max_threads), count);
+  wanted_threads = count;
+}
+
+void parallel_for(int count, int block, LoopBody body, int workers) {
+  const int threads = std::min(thread_count(), workers);
+  if (threads < 2 || count <= block) {
+    run_alone(count, block, body);
+  } else {
+    pool().run(count, block, body, threads);
+  }
+}
+
+}  // namespace endosdk

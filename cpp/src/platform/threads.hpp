@@ -1,0 +1,62 @@
+// The worker threads that all kernels share.
+//
+// The caller of parallel_for works too; workers sleep while there is nothing to do and start with the first loop that
+// needs them. When the workers are busy with another caller's loop, a loop runs on its own caller alone, so callers
+// never wait for each other. How many threads a loop may use is the calling thread's own setting, so that two estimators
+// of one process do not decide for each other. After fork() the child starts workers of its own.
+#pragma once
+
+#include <memory>
+#include <type_traits>
+
+namespace endosdk {
+
+constexpr int max_threads = 256;
+
+// As many as the cores this process may use, but no more than keep the kernels busy.
+int default_thread_count();
+
+// Threads that a loop of the calling thread may use, itself included; default_thread_count() until it is set.
+int thread_count();
+
+// Throws OUT_OF_MEMORY unless the system can start so many further threads at a time. None of them stays.
+void reserve_threads(int count);
+
+// For the later loops of the calling thread, 1 to max_threads. With 1 they run on that thread alone.
+void set_thread_count(int count);
+
+// The same for as long as the object lives.
+class ThreadCount {
+ public:
+  explicit ThreadCount(int count) : before_(thread_count()) { set_thread_count(count); }
+  ~ThreadCount() { set_thread_count(before_); }
+
+  ThreadCount(const ThreadCount&) = delete;
+  ThreadCount& operator=(const ThreadCount&) = delete;
+
+ private:
+  int before_;
+};
+
+// A reference to the body of a loop; it is called as body(begin, end, worker) with worker below thread_count().
+class LoopBody {
+ public:
+  template <typename Body, typename = std::enable_if_t<!std::is_same_v<std::decay_t<Body>, LoopBody>>>
+  LoopBody(Body&& body)  // implicit, so that a lambda can be passed where it is written
+      : object_(const_cast<void*>(static_cast<const void*>(std::addressof(body)))),
+        call_([](void* object, int begin, int end, int worker) {
+          (*static_cast<std::remove_reference_t<Body>*>(object))(begin, end, worker);
+        }) {}
+
+  void operator()(int begin, int end, int worker) const { call_(object_, begin, end, worker); }
+
+ private:
+  void* object_;
+  void (*call_)(void*, int, int, int);
+};
+
+// Calls `body` for blocks of at most `block` indices that together cover 0 to count. Only workers below `workers` take
+// part: a body with scratch memory per worker passes how many it has. The body must not throw.
+void parallel_for(int count, int block, LoopBody body, int workers = max_threads);
+
+}  // namespace endosdk

@@ -1,0 +1,216 @@
+// Frames in flight, and calls that meet: order, equality with single frames, cancel, close, and reports beside work.
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "frame.hpp"
+
+namespace {
+
+struct OpenedStream {
+  endo_stream* handle = nullptr;
+  int32_t lanes = 0;
+
+  explicit OpenedStream(const Opened& estimator) {
+    CHECK(endo_stream_open(estimator.get(), width, height, &lanes, &handle) == ENDO_OK);
+  }
+  ~OpenedStream() { endo_stream_close(handle); }
+  OpenedStream(const OpenedStream&) = delete;
+  OpenedStream& operator=(const OpenedStream&) = delete;
+
+  endo_status submit(const Pair& pair, endo_result& result) const {
+    const endo_image left = pair.left_image();
+    const endo_image right = pair.right_image();
+    return endo_stream_submit(handle, &left, &right, &result);
+  }
+};
+
+endo_options with_threads(const Places& at, int threads) {
+  endo_options options = default_options(at);
+  options.threads = threads;
+  return options;
+}
+
+std::vector<Pair> some_pairs(int count) {
+  std::vector<Pair> pairs;
+  for (int i = 0; i < count; ++i) pairs.emplace_back(width, height, 3 + i);
+  return pairs;
+}
+
+void a_stream_gives_what_predict_gives_in_order(const Places& at, int threads) {
+  constexpr int count = 12;
+  const Opened estimator(at, with_threads(at, threads));
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  const std::vector<Pair> pairs = some_pairs(count);
+  std::vector<Output> wanted;
+  std::vector<Output> found;
+  wanted.reserve(count);
+  found.reserve(count);
+  for (const Pair& pair : pairs) {
+    CHECK(estimator.predict(pair, wanted.emplace_back(pixels, true)) == ENDO_OK);
+    found.emplace_back(pixels, true);
+  }
+  const OpenedStream stream(estimator);
+  CHECK(stream.lanes == threads);
+  std::thread source([&] {
+    Pair reused(width, height, 1);
+    for (size_t i = 0; i < count; ++i) {
+      reused.left = pairs[i].left;  // a frame may be overwritten once it was submitted
+      reused.right = pairs[i].right;
+      CHECK(stream.submit(reused, found[i].result) == ENDO_OK);
+    }
+    CHECK(endo_stream_end(stream.handle) == ENDO_OK);
+  });
+  endo_result* result = nullptr;
+  for (size_t i = 0; i < count; ++i) {
+    CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &found[i].result);
+    CHECK(result->frame == count + 1 + i && result->quality == wanted[i].result.quality);
+    CHECK(found[i].disparity == wanted[i].disparity && found[i].reasons == wanted[i].reasons);
+    CHECK(std::memcmp(found[i].depth.data(), wanted[i].depth.data(), pixels * sizeof(float)) == 0);
+    CHECK(result->rectify_ms > 0.0 && result->valid_share == wanted[i].result.valid_share);
+  }
+  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == nullptr);
+  source.join();
+  Output more(pixels, true);
+  expect(stream.submit(pairs[0], more.result), ENDO_INVALID_ARGUMENT, "ended");
+  CHECK(more.result.quality == ENDO_QUALITY_INVALID && std::isnan(more.depth[3]));
+  CHECK(estimator.predict(pairs[0], more) == ENDO_OK && more.disparity == wanted[0].disparity);
+}
+
+void one_thread_can_do_both_ends(const Places& at) {
+  const Opened estimator(at, with_threads(at, 2));
+  const OpenedStream stream(estimator);
+  const Pair pair(width, height, 9);
+  std::vector<Output> out;
+  out.reserve(2);
+  for (int i = 0; i < stream.lanes; ++i) CHECK(stream.submit(pair, out.emplace_back(pixels).result) == ENDO_OK);
+  for (int i = 0; i < stream.lanes; ++i) {
+    endo_result* result = nullptr;
+    CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &out[static_cast<size_t>(i)].result);
+    CHECK(std::fabs(middle(out[static_cast<size_t>(i)].disparity) - 9.0f) < 0.5f);
+  }
+}
+
+void bad_frames_are_refused_and_the_stream_goes_on(const Places& at) {
+  const Opened estimator(at);
+  const OpenedStream stream(estimator);
+  const Pair pair(width, height, 9);
+  Output out(2 * pixels);
+  expect(stream.submit(Pair(width, height + 8, 9), out.result), ENDO_INVALID_ARGUMENT, "the stream's first frame");
+  CHECK(out.result.quality == ENDO_QUALITY_INVALID && std::isnan(out.disparity[0]));
+  Output metric(pixels, true);
+  expect(stream.submit(pair, metric.result), ENDO_CALIBRATION_REQUIRED, "endo_set_calibration");
+  CHECK(stream.submit(pair, out.result) == ENDO_OK);
+  endo_result* result = nullptr;
+  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &out.result && result->frame == 1);
+  expect(endo_stream_receive(stream.handle, nullptr), ENDO_INVALID_ARGUMENT, "result");
+  expect(endo_stream_receive(nullptr, &result), ENDO_INVALID_ARGUMENT, "stream");
+  endo_stream_close(nullptr);
+}
+
+void frames_in_flight_can_be_cancelled(const Places& at) {
+  const Opened estimator(at);
+  const OpenedStream stream(estimator);
+  const Pair pair(width, height, 9);
+  Output out(pixels);
+  std::atomic<bool> finished{false};
+  std::thread canceller([&] {
+    while (!finished) CHECK(endo_cancel(estimator.get()) == ENDO_OK);
+  });
+  bool cancelled = false;
+  for (int i = 0; i < 2000 && !cancelled; ++i) {
+    CHECK(stream.submit(pair, out.result) == ENDO_OK);
+    endo_result* result = nullptr;
+    const endo_status status = endo_stream_receive(stream.handle, &result);
+    CHECK(result == &out.result && (status == ENDO_OK || status == ENDO_CANCELLED));
+    cancelled = status == ENDO_CANCELLED;
+    if (cancelled) CHECK(std::isnan(out.disparity[5]) && out.result.frame == 0);
+  }
+  finished = true;
+  canceller.join();
+  CHECK(cancelled);
+  CHECK(stream.submit(pair, out.result) == ENDO_OK);
+  endo_result* result = nullptr;
+  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && out.result.quality == ENDO_QUALITY_OK);
+}
+
+void closing_waits_for_the_frame_that_runs(const Places& at) {
+  for (int i = 0; i < 10; ++i) {
+    endo_estimator* handle = nullptr;
+    const endo_options options = default_options(at);
+    CHECK(endo_open_file(at.model.c_str(), &options, &handle) == ENDO_OK);
+    const Pair pair(1280, 960, 9);
+    Output out(1280 * 960);
+    const endo_image left = pair.left_image();
+    const endo_image right = pair.right_image();
+    std::atomic<bool> inside{false};
+    endo_status status = ENDO_INTERNAL;
+    std::thread caller([&] {
+      inside = true;
+      status = endo_predict(handle, &left, &right, &out.result);
+    });
+    while (!inside) std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));  // inside the call, whose frame takes far longer
+    endo_close(handle);
+    caller.join();
+    CHECK(status == ENDO_OK && out.result.frame == 1);
+  }
+}
+
+void reports_do_not_wait_for_frames(const Places& at) {
+  const Opened estimator(at);
+  const Pair pair(1280, 960, 9);
+  std::atomic<bool> finished{false};
+  std::thread worker([&] {
+    Output out(1280 * 960);
+    while (!finished) CHECK(estimator.predict(pair, out) == ENDO_OK);
+  });
+  std::vector<char> text(8192);
+  const auto started = std::chrono::steady_clock::now();
+  for (int i = 0; i < 20; ++i) CHECK(endo_get_diagnostics(estimator.get(), text.data(), text.size(), nullptr) == ENDO_OK);
+  CHECK(std::chrono::steady_clock::now() - started < std::chrono::seconds(2));
+  // Others that wait for their turn get it, however tight the loop of the first.
+  for (int i = 0; i < 3; ++i) CHECK(endo_set_calibration(estimator.get(), nullptr) == ENDO_OK);
+  finished = true;
+  worker.join();
+}
+
+void late_counts_the_wait_for_others(const Places& at) {
+  endo_options options = default_options(at);
+  Opened estimator(at, options);
+  const Pair large(1280, 960, 9);
+  Output of_large(1280 * 960);
+  CHECK(estimator.predict(large, of_large) == ENDO_OK);
+  const auto started = std::chrono::steady_clock::now();
+  CHECK(estimator.predict(large, of_large) == ENDO_OK);
+  const double one_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
+  options.deadline_ms = 1.7 * one_ms;
+  const Opened timed(at, options);
+  CHECK(endo_prepare(timed.get(), 1280, 960) == ENDO_OK);
+  std::atomic<int> late{0};
+  std::vector<std::thread> callers;
+  for (int i = 0; i < 4; ++i) {
+    callers.emplace_back([&] {
+      Output out(1280 * 960);
+      CHECK(timed.predict(large, out) == ENDO_OK);
+      late += out.result.late;
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+  CHECK(late >= 2);  // the last of four waits for three
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Places at = places(argc, argv);
+  for (const int threads : {1, 2, 3}) a_stream_gives_what_predict_gives_in_order(at, threads);
+  one_thread_can_do_both_ends(at);
+  bad_frames_are_refused_and_the_stream_goes_on(at);
+  frames_in_flight_can_be_cancelled(at);
+  closing_waits_for_the_frame_that_runs(at);
+  reports_do_not_wait_for_frames(at);
+  late_counts_the_wait_for_others(at);
+}
