@@ -9,12 +9,10 @@ and with it. `--real` names a folder of real pairs: `scared_rectified`, `chessbo
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -22,13 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.model_records import models_parser, record_models
-from endosdk import StereoCalibration, _core
+from endosdk import DepthEstimator, Reason, StereoCalibration, _core
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.pictures import read_frame
+from endosdk.runtime.maps import Maps
 from endosdk.runtime.models import read_model
-from endosdk.runtime.postprocess import Limits, Maps, postprocess
-from endosdk.runtime.rectify import RectifyStage
 from endosdk.runtime.session import StereoSession, padded
 
 Picture = NDArray[np.uint8]
@@ -52,27 +49,41 @@ class Answerer:
     """A model, run once for each pair."""
 
     def __init__(self, model: str) -> None:
+        self.model = model
         self.session = StereoSession(
             read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False
         )
-        self.limits = Limits(0.3, 0.0, math.inf, self.session.info.max_candidate_disparity)
 
     def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> Answer:
+        found = DepthEstimator(self.model, calibration=rig, threads=2, spinning=False).predict(left, right)
+        seen = np.bitwise_and(found.reasons, Reason.OUTSIDE_OVERLAP) == 0  # masks of the lens, which both know
+        return Answer(found.disparity, self._valid_without(left, right, rig) & seen, found.reasons == 0)
+
+    def _valid_without(self, left: Picture, right: Picture, rig: StereoCalibration | None) -> Mask:
+        """Valid pixels where the right view is not looked at again."""
         height, width = left.shape[:2]
-        network = _core.usual_network_size(width, height, self.session.info.inference_width or 0)
-        stage = RectifyStage((width, height), rig, network)
-        multiple = self.session.info.input_multiple
-        found = self.session.buffers(padded(network[1], multiple), padded(network[0], multiple))
-        stage(left, right, found.left, found.right, "rgb")
-        self.session.run(found)
-        answered = []
-        same = _core.same_pixels(left, right)
-        for right_view, same_frames in ((None, False), (found.right, same)):
-            maps = Maps.allocate(width, height, metric=False)
-            seen = SimpleNamespace(**{**vars(found), "right": right_view})
-            postprocess(seen, stage, None, self.limits, maps, same_frames)  # type: ignore[arg-type]
-            answered.append(maps.reasons == 0)
-        return Answer(maps.disparity, *answered)
+        info = self.session.info
+        network = _core.network_size_of(width, height, info.inference_width or 0)
+        estimator = DepthEstimator(self.model, calibration=rig, network_size=network, threads=2, spinning=False)
+        estimator.predict(left, right)
+        multiple = info.input_multiple
+        buffers = self.session.buffers(padded(network[1], multiple), padded(network[0], multiple))
+        _core.pack(*estimator.rectified_pair(), buffers.left, buffers.right, "rgb")
+        self.session.run(buffers)
+        view_scale = network[1] / height, network[0] / width
+        maps = Maps.allocate(width, height, metric=False)
+        fields = {
+            "disparity": buffers.disparity,
+            "confidence": buffers.confidence,
+            "left": buffers.left,
+            "scale": (view_scale[0] / info.output_stride, view_scale[1] / info.output_stride),
+            "view_scale": view_scale,
+            "gain": 1 / view_scale[1],
+            "min_confidence": 0.3,
+            "max_candidate_disparity": float(info.max_candidate_disparity or 0),
+        }
+        _core.postprocess(fields, {"disparity": maps.disparity, "confidence": maps.confidence, "reasons": maps.reasons})
+        return np.asarray(maps.reasons == 0)
 
 
 def wrong_pairs(left: Picture, right: Picture) -> Iterator[tuple[str, Picture, Picture]]:

@@ -83,7 +83,7 @@ def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
         raise SystemExit(f"{model} does not state its last plane")
     first = reader[0]
     estimator.predict(first.left, first.right)
-    gain = first.left.shape[1] / estimator.diagnostics()["network_size"][0]
+    gain = first.left.shape[1] / estimator.diagnostics()["network_width"]
     near = np.nanquantile([reader[number].disparity for number in range(pairs)], 1 - BEYOND)
     shift = max(0, round(max_candidate_disparity * gain - float(near)))
     pixels = answers(estimator, reader, pairs, shift, gain)

@@ -113,12 +113,11 @@ def map_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], No
     columns = np.arange(width, dtype=np.float32)
 
     def run_ours() -> None:
-        outputs = ours["disparity"], ours["confidence"], ours["reasons"]
-        inputs = disparity, confidence, 1 / STRIDE, 1 / STRIDE, float(STRIDE)
+        fields = {"disparity": disparity, "confidence": confidence, "left": image}
+        fields |= {"scale": (1 / STRIDE, 1 / STRIDE), "view_scale": (1 / STRIDE, 1 / STRIDE), "gain": float(STRIDE)}
+        fields |= {"valid_left": valid, "valid_right": valid, "min_confidence": MIN_CONFIDENCE}
         geometry = {"focal_px": focal, "baseline_mm": baseline, "max_depth_mm": MAX_DEPTH_MM}
-        geometry |= {"image_scale_y": 1 / STRIDE, "image_scale_x": 1 / STRIDE}
-        masks = image, valid, valid, MIN_CONFIDENCE
-        _core.postprocess(*inputs, *outputs, *masks, out_depth=ours["depth"], out_sigma=ours["sigma"], **geometry)
+        _core.postprocess(fields | geometry, ours)
 
     def run_numpy() -> None:
         d = cv2.resize(disparity, (width, height), interpolation=cv2.INTER_LINEAR)

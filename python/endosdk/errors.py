@@ -30,7 +30,6 @@ class ErrorCode(IntEnum):
     DEPENDENCY_MISSING = 15
     RENDERER_UNAVAILABLE = 16
     STORAGE_FAILED = 17
-    # Of the C library alone; Python has KeyboardInterrupt, MemoryError and its own self-checks.
     CANCELLED = 18
     OUT_OF_MEMORY = 19
     SELF_TEST_FAILED = 20
@@ -174,3 +173,33 @@ class SourceFailed(EndoError, OSError):
     """A source of frames cannot be read, or not any further: a broken video, a camera that is gone."""
 
     code = ErrorCode.SOURCE_FAILED
+
+
+class Cancelled(EndoError, RuntimeError):
+    """Another thread cancelled the call."""
+
+    code = ErrorCode.CANCELLED
+
+
+class OutOfMemory(EndoError, MemoryError):
+    """Memory, or the number of threads this process may have, is used up."""
+
+    code = ErrorCode.OUT_OF_MEMORY
+
+
+class SelfTestFailed(EndoError, RuntimeError):
+    """The model does not give the known answer of a built-in pair."""
+
+    code = ErrorCode.SELF_TEST_FAILED
+
+
+class InternalError(EndoError, RuntimeError):
+    """A bug in endosdk."""
+
+    code = ErrorCode.INTERNAL
+
+
+def error_of(code: int, argument: str, rule: str, value: object) -> EndoError:
+    """Return the error that has this code, as the compiled core reports it."""
+    kinds = {kind.code: kind for kind in EndoError.__subclasses__()}
+    return kinds.get(ErrorCode(code), InternalError)(argument, rule, value)

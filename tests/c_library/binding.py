@@ -56,6 +56,8 @@ class Options(Structure):
         ("max_depth_mm", c_double),
         ("depth_unit_mm", c_double),
         ("deadline_ms", c_double),
+        ("float32_model", c_char_p),
+        ("float32_model_sha256", c_char_p),
     ]
 
 
@@ -161,8 +163,14 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "endo_get_geometry": (c_int32, [c_void_p, POINTER(Geometry)]),
     "endo_prepare": (c_int32, [c_void_p, c_int32, c_int32]),
     "endo_predict": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), POINTER(Result)]),
+    "endo_rectify": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), c_void_p, c_void_p, c_size_t]),
     "endo_get_rectified": (c_int32, [c_void_p, c_void_p, c_void_p, c_size_t]),
     "endo_cancel": (c_int32, [c_void_p]),
+    "endo_stream_open": (c_int32, [c_void_p, c_int32, c_int32, POINTER(c_int32), POINTER(c_void_p)]),
+    "endo_stream_submit": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), POINTER(Result)]),
+    "endo_stream_receive": (c_int32, [c_void_p, POINTER(POINTER(Result))]),
+    "endo_stream_end": (c_int32, [c_void_p]),
+    "endo_stream_close": (None, [c_void_p]),
     "endo_self_test": (c_int32, [c_void_p]),
     "endo_get_diagnostics": (c_int32, [c_void_p, c_char_p, c_size_t, POINTER(c_size_t)]),
 }

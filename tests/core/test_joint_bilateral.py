@@ -1,4 +1,4 @@
-"""Upsampling of disparity guided by the view: against the numpy twin, in every instruction set, and what it is for."""
+"""Joint bilateral upsampling of disparity: against the numpy twin, in every instruction set, and what it is for."""
 
 from __future__ import annotations
 
@@ -28,12 +28,17 @@ def scene(height: int, width: int, factor: int, seed: int = 0) -> tuple[np.ndarr
 def upsampled(disparity: np.ndarray, confidence: np.ndarray, view: np.ndarray, **options) -> np.ndarray:
     """What comes out at the size of the view."""
     height, width = view.shape[1:]
-    out = [np.empty((height, width), np.float32) for _ in range(2)]
     scale = disparity.shape[1] / width
-    reasons = np.empty((height, width), np.uint8)
-    arguments = {"image": view, "valid_left": None, "valid_right": None, "min_confidence": 0.0} | options
-    _core.postprocess(disparity, confidence, scale, scale, 1.0, *out, reasons, **arguments)
-    return out[0]
+    fields = {"disparity": disparity, "confidence": confidence, "left": view, "scale": (scale, scale)} | options
+    out = maps(height, width)
+    _core.postprocess(fields, out)
+    return out["disparity"]
+
+
+def maps(height: int, width: int) -> dict[str, np.ndarray]:
+    """Memory of the outputs."""
+    kinds = {"disparity": np.float32, "confidence": np.float32, "reasons": np.uint8}
+    return {name: np.empty((height, width), kind) for name, kind in kinds.items()}
 
 
 @every_isa
@@ -77,9 +82,9 @@ def test_edges_come_to_lie_on_those_of_the_view() -> None:
     cells = truth.reshape(width, factor).mean(axis=1)
     disparity = np.broadcast_to(cells, (height, width)).astype(np.float32).copy()
     confidence = np.full((height, width), 0.9, np.float32)
-    guided = np.abs(upsampled(disparity, confidence, view) - truth)
-    bilinear = np.abs(upsampled(disparity, confidence, view, image=None) - truth)
-    assert guided.max() < 0.01
+    found = np.abs(upsampled(disparity, confidence, view) - truth)
+    bilinear = np.abs(upsampled(disparity, confidence, view, left=None) - truth)
+    assert found.max() < 0.01
     assert bilinear.max() > 8.0
 
 
@@ -94,7 +99,7 @@ def test_sure_cells_count_more_than_unsure_ones() -> None:
     assert 10.0 < doubted < 10.5 < trusted
 
 
-def test_a_constant_stays_and_views_without_a_whole_number_of_pixels_a_cell_do_not_guide() -> None:
+def test_a_constant_stays_and_views_without_a_whole_number_of_pixels_a_cell_are_resized() -> None:
     view = np.random.default_rng(3).integers(0, 256, (3, 30, 50)).astype(np.uint8)
     constant, confidence = np.full((15, 25), 12.5, np.float32), np.full((15, 25), 0.7, np.float32)
     np.testing.assert_allclose(upsampled(constant, confidence, view), 12.5, rtol=3e-6)
@@ -106,10 +111,11 @@ def test_a_constant_stays_and_views_without_a_whole_number_of_pixels_a_cell_do_n
 
 def test_the_output_may_be_larger_than_the_view() -> None:
     disparity, confidence, view = scene(12, 20, 2)
-    out = [np.empty((96, 160), np.float32) for _ in range(2)]
-    reasons = np.empty((96, 160), np.uint8)
-    scales = {"image_scale_y": 0.25, "image_scale_x": 0.25}
-    _core.postprocess(disparity, confidence, 1 / 8, 1 / 8, 4.0, *out, reasons, view, None, None, 0.0, **scales)
+    out = maps(96, 160)
+    scales = {"scale": (1 / 8, 1 / 8), "view_scale": (0.25, 0.25), "gain": 4.0}
+    _core.postprocess({"disparity": disparity, "confidence": confidence, "left": view} | scales, out)
     fine = reference.joint_bilateral_upsampling(disparity, confidence, view)
-    np.testing.assert_allclose(out[0], reference.resize_bilinear(fine, 96, 160, 0.25, 0.25, 4.0), rtol=1e-5)
-    np.testing.assert_allclose(out[1], reference.resize_bilinear(confidence, 96, 160, 1 / 8, 1 / 8, 1.0), rtol=1e-5)
+    np.testing.assert_allclose(out["disparity"], reference.resize_bilinear(fine, 96, 160, 0.25, 0.25, 4.0), rtol=1e-5)
+    np.testing.assert_allclose(
+        out["confidence"], reference.resize_bilinear(confidence, 96, 160, 1 / 8, 1 / 8, 1.0), rtol=1e-5
+    )

@@ -32,9 +32,9 @@ def confidence_of(
     stride = left.shape[2] // disparity.shape[1]
     shape = (height, width)
     maps = [np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.uint8)]
-    scale = 1 / stride
-    views = {"right_image": right, "same_frames": same_frames}
-    _core.postprocess(disparity, confidence, scale, scale, 1.0, *maps, left, None, None, 0.3, **views)
+    fields = {"disparity": disparity, "confidence": confidence, "scale": (1 / stride, 1 / stride)}
+    views = {"left": left, "right": right, "same_frames": same_frames}
+    _core.postprocess(fields | views, dict(zip(("disparity", "confidence", "reasons"), maps, strict=True)))
     return maps[1]
 
 

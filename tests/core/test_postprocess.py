@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from endosdk import _core
+from endosdk.errors import InvalidArgument
 from tests import reference
 from tests.core_rigs import every_isa
 
@@ -29,21 +30,16 @@ class Frame:
         height, width = self.size
         out = {name: np.full((height, width), -7, np.float32) for name in ("disparity", "confidence", "depth", "sigma")}
         out["reasons"] = np.full((height, width), 255, np.uint8)
-        arguments = {"image": None, "valid_left": None, "valid_right": None, "min_confidence": 0.4} | options
-        if "focal_px" in arguments:
-            arguments |= {"out_depth": out["depth"], "out_sigma": out["sigma"]}
-        usable = _core.postprocess(
-            self.disparity,
-            self.confidence,
-            1 / self.stride,
-            1 / self.stride,
-            self.stride,
-            out["disparity"],
-            out["confidence"],
-            out["reasons"],
-            **arguments,
-        )
-        return usable, out
+        metric = "focal_px" in options
+        wanted = {name: out[name] for name in out if metric or name not in ("depth", "sigma")}
+        fields = {
+            "disparity": self.disparity,
+            "confidence": self.confidence,
+            "scale": (1 / self.stride, 1 / self.stride),
+            "gain": self.stride,
+            "min_confidence": 0.4,
+        }
+        return _core.postprocess(fields | options, wanted), out
 
 
 def tissue(height: int, width: int, stride: int, seed: int = 0) -> Frame:
@@ -68,7 +64,7 @@ def masks(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
     left, right = np.ones((2, *size), np.uint8)
     left[:, : size[1] // 12] = 0
     right[:, size[1] - size[1] // 5 :] = 0
-    return {"image": image, "valid_left": left, "valid_right": right}
+    return {"left": image, "valid_left": left, "valid_right": right}
 
 
 SIZES = [(1, 1, 1), (2, 3, 1), (9, 130, 4), (40, 128, 8), (33, 257, 8), (31, 300, 1), (16, 500, 2)]
@@ -86,7 +82,7 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
         options |= {"focal_px": FOCAL, "baseline_mm": BASELINE, "doffs": 1.5}
         options |= {"min_depth_mm": 120.0, "max_depth_mm": 400.0}
     else:
-        options |= {"last_plane": 30.0 / frame.stride}
+        options |= {"max_candidate_disparity": 30.0 / frame.stride}
     _core.set_isa(isa)
     _core.set_threads(threads)
     usable, out = frame.run(**options)
@@ -115,11 +111,12 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
             out["disparity"],
             out["confidence"],
             min_confidence=0.4,
-            **{name: options.get(name) for name in ("image", "valid_left", "valid_right")},
+            image=options.get("left"),
+            **{name: options.get(name) for name in ("valid_left", "valid_right")},
             depth=depth if metric else None,
             depth_range=(options.get("min_depth_mm", 0.0), options.get("max_depth_mm", np.inf)),
             doffs=doffs,
-            disparity_end=(options["last_plane"] - 0.5) * frame.stride if "last_plane" in options else np.inf,
+            disparity_end=(options.get("max_candidate_disparity", np.inf) - 0.5) * frame.stride,
         )
     np.testing.assert_array_equal(out["reasons"], bits)
     assert usable == np.count_nonzero(bits == 0)
@@ -171,21 +168,21 @@ def test_hand_computed_pixel() -> None:
 
 @every_isa
 @pytest.mark.parametrize("metric", [False, True])
-def test_nothing_is_found_from_half_a_pixel_before_the_last_plane_on(isa: str, metric: bool) -> None:
+def test_nothing_is_found_from_half_a_pixel_before_the_end_of_the_range_on(isa: str, metric: bool) -> None:
     _core.set_isa(isa)
     network_px = np.repeat(np.array([[11.25, 11.4375, 11.5, 11.5625, 12, 12.25]], np.float32), 40, axis=1)
     frame = Frame(network_px, np.ones_like(network_px), network_px.shape, 1.0)
     options = {"focal_px": 800.0, "baseline_mm": 5.0} if metric else {}
     reached = network_px >= 11.5
-    for last_plane, expected in ((12.0, reached), (0.0, np.zeros_like(reached))):
-        _, out = frame.run(last_plane=last_plane, **options)
+    for max_candidate_disparity, expected in ((12.0, reached), (0.0, np.zeros_like(reached))):
+        _, out = frame.run(max_candidate_disparity=max_candidate_disparity, **options)
         np.testing.assert_array_equal((out["reasons"] & reference.OUT_OF_RANGE) != 0, expected)
 
 
-def test_the_last_plane_is_in_pixels_of_the_network() -> None:
+def test_the_max_candidate_disparity_is_in_pixels_of_the_network() -> None:
     frame = Frame(np.full((2, 20), 11.25, np.float32), np.ones((2, 20), np.float32), (4, 40), 2.0)
-    for last_plane, usable in ((11.5, 0), (12.0, 4 * (40 - 23))):
-        assert frame.run(last_plane=last_plane)[0] == usable
+    for max_candidate_disparity, usable in ((11.5, 0), (12.0, 4 * (40 - 23))):
+        assert frame.run(max_candidate_disparity=max_candidate_disparity)[0] == usable
 
 
 def test_occlusion_needs_more_than_one_pixel() -> None:
@@ -203,7 +200,7 @@ def full(shape: tuple[int, ...], dtype: type = np.float32) -> np.ndarray:
     return np.zeros(shape, dtype)
 
 
-METRIC = {"out_depth": full((8, 12)), "focal_px": 100.0, "baseline_mm": 5.0}
+METRIC = {"out": {"depth": full((8, 12))}, "focal_px": 100.0, "baseline_mm": 5.0}
 
 
 @pytest.mark.parametrize(
@@ -212,42 +209,38 @@ METRIC = {"out_depth": full((8, 12)), "focal_px": 100.0, "baseline_mm": 5.0}
         ({"disparity": full((2, 3), np.float64)}, "disparity: must be float32; got float64"),
         ({"disparity": full((0, 3))}, "disparity: must not be empty"),
         ({"confidence": full((2, 4))}, "confidence: must have the size of disparity; got 4x2"),
-        ({"out_disparity": full((8, 0))}, "out_"),
-        ({"out_confidence": full((8, 11))}, "out_confidence: must have the shape of out_disparity; got (8, 11)"),
-        ({"out_reasons": full((8, 12))}, "out_reasons: must be uint8; got float32"),
-        ({"image": full((3, 7, 12), np.uint8)}, "image: must be at least 12x8; got 12x7"),
-        ({"image": full((8, 12, 3), np.uint8)}, "image: must have shape [3, height, width]"),
-        ({"valid_left": full((8, 11), np.uint8)}, "valid_left: must have the shape of out_disparity"),
+        ({"out": {"disparity": full((8, 0))}}, "out"),
+        ({"out": {"confidence": full((8, 11))}}, "out confidence: must be of shape (8, 12); got (8, 11)"),
+        ({"out": {"reasons": full((8, 12))}}, "out reasons: must be uint8; got float32"),
+        ({"left": full((3, 7, 12), np.uint8)}, "image: must be at least 12x8; got 12x7"),
+        ({"left": full((8, 12, 3), np.uint8)}, "left: must have shape [3, height, width]"),
+        ({"valid_left": full((8, 11), np.uint8)}, "valid_left: must be of shape (8, 12)"),
         ({"valid_right": full((8, 12), bool)}, "valid_right: must be uint8; got bool"),
         ({"min_confidence": np.nan}, "min_confidence: must be finite"),
         ({"gain": 0.0}, "gain: must be positive and finite"),
-        ({"last_plane": -1.0}, "last_plane: must be finite and not negative"),
-        ({"scale_x": np.inf}, "scale_x: must be positive and finite"),
-        ({"out_sigma": full((8, 12))}, "focal_px: must be positive for depth or sigma"),
+        ({"max_candidate_disparity": -1.0}, "max_candidate_disparity: must be finite and not negative"),
+        ({"scale": (0.25, np.inf)}, "scale_x: must be positive and finite"),
+        ({"out": {"sigma": full((8, 12))}}, "focal_px: must be positive for depth or sigma"),
         (METRIC | {"focal_px": -1.0}, "focal_px: must be finite and not negative"),
         (METRIC | {"baseline_mm": 0.0}, "baseline_mm: must be positive and finite"),
         (METRIC | {"doffs": np.nan}, "doffs: must be finite"),
         (METRIC | {"min_depth_mm": -1.0}, "min_depth_mm: must be finite and not negative"),
         (METRIC | {"min_depth_mm": 5.0, "max_depth_mm": 5.0}, "max_depth_mm: must be greater than min_depth_mm"),
-        (METRIC | {"out_depth": full((8, 12), np.float64)}, "out_depth: must be float32"),
+        (METRIC | {"out": {"depth": full((8, 12), np.float64)}}, "out depth: must be float32"),
     ],
 )
 def test_bad_arguments_are_named(change: dict, message: str) -> None:
-    good = {
+    fields = {
         "disparity": np.ones((2, 3), np.float32),
         "confidence": np.ones((2, 3), np.float32),
-        "scale_y": 0.25,
-        "scale_x": 0.25,
+        "scale": (0.25, 0.25),
         "gain": 4.0,
-        "out_disparity": full((8, 12)),
-        "out_confidence": full((8, 12)),
-        "out_reasons": full((8, 12), np.uint8),
-        "image": None,
-        "valid_left": None,
-        "valid_right": None,
         "min_confidence": 0.5,
     }
-    with pytest.raises(ValueError, match="; got ") as caught:
-        _core.postprocess(**(good | change))
+    out = {"disparity": full((8, 12)), "confidence": full((8, 12)), "reasons": full((8, 12), np.uint8)}
+    change = dict(change)
+    changed_out = out | change.pop("out", {})
+    with pytest.raises(InvalidArgument, match="; got ") as caught:
+        _core.postprocess(fields | change, changed_out)
     assert str(caught.value).startswith(message)
-    assert _core.postprocess(**good) == 8 * (12 - 4)
+    assert _core.postprocess(fields, out) == 8 * (12 - 4)

@@ -10,7 +10,7 @@ from endosdk.evaluation.metrics import end_point_error
 from endosdk.evaluation.sgbm import SgbmBaseline
 from endosdk.jobs.bench import TURNS, BenchSettings, run_benchmark
 from endosdk.runtime.estimator import DepthEstimator
-from endosdk.runtime.rectify import RectifyStage
+from endosdk.runtime.rectify import rectified
 from tests.conftest import TINY_MODEL
 
 SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "4", "--warmup", "1"]
@@ -55,8 +55,7 @@ def test_the_truth_of_a_resized_pair_is_that_of_the_same_points(size):
 @pytest.mark.parametrize("size", SIZES)
 def test_the_pictures_of_a_resized_pair_match_where_its_truth_says(size):
     pair = sample_pairs()[0].resized(*size)
-    left, right = (np.empty((3, *size[::-1]), np.uint8) for _ in range(2))
-    RectifyStage(size, pair.calibration, size)(pair.left, pair.right, left, right, "rgb")
+    left, right = (view.transpose(2, 0, 1) for view in rectified(pair.left, pair.right, pair.calibration))
     rows, columns = np.indices(pair.disparity.shape)
     shifts = np.arange(-3, 4)
     costs = []

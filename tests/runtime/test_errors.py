@@ -23,7 +23,7 @@ def test_crosses_a_process_boundary_whole(cls):
 
 
 def test_every_error_is_also_a_builtin_kind():
-    builtins = (ValueError, RuntimeError, ImportError, OSError)
+    builtins = (ValueError, RuntimeError, ImportError, OSError, MemoryError)
     assert all(issubclass(c, builtins) for c in CLASSES if c is not errors.EndoError)
 
 

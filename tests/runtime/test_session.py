@@ -138,7 +138,7 @@ def test_failure_inside_the_runtime_has_a_code():
     session = tiny()
     buffers = session.buffers(32, 64)
     # Shapes that contradict the graph make the runtime itself fail.
-    buffers.binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), buffers.left.ctypes.data)
+    buffers.bound.binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), buffers.left.ctypes.data)
     with pytest.raises(errors.InferenceFailed):
         session.run(buffers)
 

@@ -60,11 +60,14 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag) {
   require(frame.read, "stream", "must not have ended", "an ended one");
 }
 
+bool Stream::wait_for_answer(std::chrono::milliseconds longest) {
+  std::unique_lock lock(mutex_);
+  return change_.wait_for(lock, longest, [&] { return has_answer(); });
+}
+
 std::optional<Stream::Answer> Stream::receive() {
   std::unique_lock lock(mutex_);
-  change_.wait(lock, [&] {
-    return closed_ || (received_ < submitted_ ? at(received_).done : ended_);
-  });
+  change_.wait(lock, [&] { return has_answer(); });
   if (closed_ || received_ == submitted_) return std::nullopt;
   Frame& frame = at(received_++);
   change_.notify_all();

@@ -43,6 +43,9 @@ class Stream {
   // Waits for the oldest frame that was not received; none when the stream is over and all were.
   std::optional<Answer> receive();
 
+  // The same with a limit of time: whether `receive` would return at once.
+  bool wait_for_answer(std::chrono::milliseconds longest);
+
   // No frame follows.
   void end();
 
@@ -62,6 +65,7 @@ class Stream {
   };
 
   Frame& at(uint64_t number) { return frames_[static_cast<size_t>(number % frames_.size())]; }
+  bool has_answer() { return closed_ || (received_ < submitted_ ? at(received_).done : ended_); }
   bool has_room() const { return submitted_ < received_ + static_cast<uint64_t>(lanes_); }
   void serve();
   void work(Frame& frame);

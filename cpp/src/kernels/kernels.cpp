@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstring>
+#include <iterator>
 #include <string>
 
 #include "platform/errors.hpp"
@@ -61,6 +62,8 @@ bool has_integer_units() {
   return false;
 #endif
 }
+
+const char* kernel_set(int i) { return i < static_cast<int>(std::size(choices)) ? choices[i].kernels.name : nullptr; }
 
 void choose_kernels(const char* name) {
   std::string available;

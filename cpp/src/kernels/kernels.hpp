@@ -115,6 +115,9 @@ const Kernels& kernels();
 // integers are slower than those of floats.
 bool has_integer_units();
 
+// The i-th set of this build, best first, whether this processor runs it or not; null beyond the last.
+const char* kernel_set(int i);
+
 // Chooses a set by name; refuses one that this processor cannot run.
 void choose_kernels(const char* name);
 

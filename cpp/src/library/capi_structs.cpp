@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "maps/reasons.hpp"
 #include "platform/errors.hpp"
 #include "platform/threads.hpp"
 
@@ -21,6 +22,13 @@ constexpr size_t first_result = 120;
 static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) == first_calibration &&
               sizeof(endo_geometry) == first_geometry && sizeof(endo_image) == first_image &&
               sizeof(endo_result) == first_result);
+
+// What the header shows and the core means are the same numbers.
+static_assert(ENDO_REASON_LOW_CONFIDENCE == low_confidence && ENDO_REASON_OCCLUDED == occluded &&
+              ENDO_REASON_OUTSIDE_OVERLAP == outside_overlap && ENDO_REASON_OUT_OF_RANGE == out_of_range &&
+              ENDO_REASON_SATURATED == saturated);
+static_assert(ENDO_QUALITY_OK == static_cast<int>(Quality::ok) && ENDO_QUALITY_DEGRADED == static_cast<int>(Quality::degraded) &&
+              ENDO_QUALITY_INVALID == static_cast<int>(Quality::invalid));
 
 constexpr size_t largest_struct = 65536;  // beyond it struct_size was surely never set
 

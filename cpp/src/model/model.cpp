@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
@@ -43,7 +44,7 @@ void check_hash(ModelFile& model, const std::string& expected) {
 
 void check_content(ModelFile& model, const std::string& expected) {
   check_hash(model, expected);
-  check_weights_are_inside(model.data, model.origin);
+  check_weights_are_inside({model.data.data(), model.data.size()}, model.origin);
 }
 
 std::string required(const MetadataLookup& lookup, const std::string& key) {
@@ -57,9 +58,19 @@ int positive(const MetadataLookup& lookup, const std::string& key) {
   const std::string text = required(lookup, key);
   int number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  const bool whole = error == std::errc() && end == text.data() + text.size();
+  // Nine digits: more than any side or disparity has.
+  const bool whole = text.size() <= 9 && error == std::errc() && end == text.data() + text.size();
   require(whole && number > 0, ENDO_MODEL_METADATA, prefix + key, "must be a positive whole number", in_quotes(text));
   return number;
+}
+
+// Whether a name that becomes one of a folder leads nowhere else.
+bool is_plain_name(std::string_view name) {
+  const auto is_letter_or_digit = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  };
+  const auto is_plain = [&](char c) { return is_letter_or_digit(c) || c == '.' || c == '_' || c == '-'; };
+  return name.size() <= 100 && is_letter_or_digit(name.front()) && std::all_of(name.begin(), name.end(), is_plain);
 }
 
 // 0 where the model says nothing.
@@ -136,8 +147,11 @@ ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256
   require(order == "rgb", ENDO_MODEL_METADATA, "endosdk.channel_order", "must be rgb", in_quotes(order));
   ModelInfo info;
   info.training = required(lookup, "training");
-  require(is_json(info.training), ENDO_MODEL_METADATA, "endosdk.training", "must be JSON", "another text");
+  require(is_json(info.training) && info.training[info.training.find_first_not_of(" \t\r\n")] == '{', ENDO_MODEL_METADATA,
+          "endosdk.training", "must be a JSON object", "another text");
   info.name = required(lookup, "name");
+  require(is_plain_name(info.name), ENDO_MODEL_METADATA, "endosdk.name",
+          "must be 1 to 100 letters, digits, '.', '_' or '-', and begin with a letter or a digit", in_quotes(info.name));
   info.version = required(lookup, "version");
   info.input_multiple = positive(lookup, "input_multiple");
   info.output_stride = positive(lookup, "output_stride");

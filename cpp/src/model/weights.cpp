@@ -111,8 +111,8 @@ void check(Kind kind, std::string_view message, const std::string& origin, int d
 
 }  // namespace
 
-void check_weights_are_inside(const std::vector<char>& model, const std::string& origin) {
-  check(Kind::model, {model.data(), model.size()}, origin, 0);
+void check_weights_are_inside(std::string_view model, const std::string& origin) {
+  check(Kind::model, model, origin, 0);
 }
 
 }  // namespace endosdk

@@ -6,12 +6,12 @@
 #pragma once
 
 #include <string>
-#include <vector>
+#include <string_view>
 
 namespace endosdk {
 
 // Throws ENDO_MODEL_METADATA when a tensor of the model is kept in another file, ENDO_MODEL_UNREADABLE when the bytes
 // cannot be ONNX. `origin` is for the message.
-void check_weights_are_inside(const std::vector<char>& model, const std::string& origin);
+void check_weights_are_inside(std::string_view model, const std::string& origin);
 
 }  // namespace endosdk

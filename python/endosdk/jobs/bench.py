@@ -21,7 +21,7 @@ from endosdk.evaluation.metrics import end_point_error
 from endosdk.evaluation.sgbm import SgbmBaseline, fill_holes
 from endosdk.jobs.machine import machine_record
 from endosdk.runtime.estimator import DepthEstimator
-from endosdk.runtime.rectify import RectifyStage
+from endosdk.runtime.rectify import rectified
 
 Picture = npt.NDArray[np.uint8]
 
@@ -83,7 +83,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         },
         "size": list(settings.size),
         "window": list(shipped[0].window(*settings.size)),
-        "network_size": list(estimator.diagnostics()["network_size"]),
+        "network_size": [estimator.diagnostics()[f"network_{side}"] for side in ("width", "height")],
         "provider": estimator.diagnostics()["provider"],
         "frames": settings.frames,
         "epe_px": epe,
@@ -197,7 +197,7 @@ class _Sgbm:
         self._threads = settings.threads
         self._matcher = SgbmBaseline()
         self._milliseconds: list[float] = []
-        self._rectified = [_rectified(pair) for pair in pairs]
+        self._rectified = [rectified(pair.left, pair.right, pair.calibration) for pair in pairs]
         found = [self._matcher.compute(*views) for views in self._rectified]
         self._answered = float(np.mean([np.isfinite(disparity).mean() for disparity in found]))
         self._epe = float(
@@ -228,14 +228,6 @@ class _Sgbm:
             "latency_ms": _spread(self._milliseconds),
             "includes": "matching of rectified pictures only; holes are filled for the error, not for the time",
         }
-
-
-def _rectified(pair: RawPair) -> tuple[Picture, Picture]:
-    """Rectify at the size of the frames, whatever size the network works at. RGB uint8 [H, W, 3]."""
-    height, width = pair.left.shape[:2]
-    left, right = (np.empty((3, height, width), np.uint8) for _ in range(2))
-    RectifyStage((width, height), pair.calibration, (width, height))(pair.left, pair.right, left, right, "rgb")
-    return np.ascontiguousarray(left.transpose(1, 2, 0)), np.ascontiguousarray(right.transpose(1, 2, 0))
 
 
 def _error(disparity: npt.NDArray[np.float32], pair: RawPair) -> float:

@@ -1,4 +1,4 @@
-"""The rules for the arguments of a `DepthEstimator`; what breaks one is an `InvalidArgument` that names it."""
+"""The types of what a `DepthEstimator` is given; the compiled core checks the values."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import math
 from numbers import Real
 from typing import Any
 
-from endosdk import _core
-from endosdk.errors import CalibrationRequired, InvalidArgument
-from endosdk.runtime.rectify import CHANNEL_ORDERS
+import numpy as np
+import numpy.typing as npt
 
-MOST_THREADS = 256
-LONGEST_SIDE = 32767  # px, of the pictures that a network is shown: the core stores positions in 16 bits
+from endosdk.errors import InvalidArgument
+
+Frame = npt.NDArray[np.uint8]
+
+CHANNEL_ORDERS = ("rgb", "bgr")
 
 
 def check_order(order: Any) -> str:
@@ -21,44 +23,65 @@ def check_order(order: Any) -> str:
     return order
 
 
-def check_share(name: str, value: Any) -> float:
-    """Return a number in 0..1."""
-    if not _is_number(value) or not 0.0 <= value <= 1.0:
-        raise InvalidArgument(name, "must be a number in 0..1", repr(value))
+def check_number(name: str, value: Any, rule: str) -> float:
+    """Return a number."""
+    if not _is_number(value):
+        raise InvalidArgument(name, rule, repr(value))
     return float(value)
 
 
-def check_range(depth_range_mm: Any, calibrated: bool) -> tuple[float, float]:
-    """Return (nearest, farthest), mm; anything but the whole range needs a calibration."""
-    pair = _pair("depth_range_mm", depth_range_mm, "must be (nearest, farthest) with 0 <= nearest < farthest")
-    low, high = pair
-    if not 0.0 <= low < high:
-        raise InvalidArgument("depth_range_mm", "must be (nearest, farthest) with 0 <= nearest < farthest", pair)
-    if not calibrated and pair != (0.0, math.inf):
-        raise CalibrationRequired("depth_range_mm", "needs a calibration: pass calibration=rig", "no calibration")
+def check_range(depth_range_mm: Any) -> tuple[float, float]:
+    """Return (nearest, farthest), mm."""
+    low, high = _pair("depth_range_mm", depth_range_mm, "must be (nearest, farthest) with 0 <= nearest < farthest")
     return float(low), float(high)
 
 
-def check_size(size: Any) -> tuple[int, int]:
-    """Return (width, height), px."""
-    rule = f"must be (width, height) in whole pixels, 1 to {LONGEST_SIDE}"
+def check_size(size: Any) -> tuple[int, int] | None:
+    """Return (width, height), px; None stays None."""
+    if size is None:
+        return None
+    rule = "must be (width, height) in whole pixels"
     pair = _pair("network_size", size, rule)
-    if not all(1 <= side <= LONGEST_SIDE and int(side) == side for side in pair):
-        raise InvalidArgument("network_size", rule, pair)
-    return int(pair[0]), int(pair[1])
+    return _whole("network_size", pair[0], rule, pair), _whole("network_size", pair[1], rule, pair)
 
 
 def check_threads(threads: Any) -> int:
-    """Return the number of threads; None stands for the cores of this process."""
+    """Return the number of threads; 0 stands for the cores of this process, and None for that."""
     if threads is None:
-        return _core.default_threads()
-    if not _is_number(threads) or not 1 <= threads <= MOST_THREADS or int(threads) != threads:
-        raise InvalidArgument("threads", f"must be a whole number, 1 to {MOST_THREADS}", repr(threads))
-    return int(threads)
+        return 0
+    rule = "must be a whole number, 1 to 256"
+    if not _is_number(threads) or threads == 0:
+        raise InvalidArgument("threads", rule, repr(threads))
+    return _whole("threads", threads, rule, threads)
+
+
+def check_pair(left: object, right: object) -> tuple[Frame, Frame]:
+    """Return both frames as arrays the core accepts; refuse what is no uint8 picture."""
+    return _check_frame("left", left), _check_frame("right", right)
+
+
+def _check_frame(name: str, frame: object) -> Frame:
+    if not isinstance(frame, np.ndarray):
+        raise InvalidArgument(name, "must be a NumPy array", type(frame).__name__)
+    if frame.dtype != np.uint8:
+        raise InvalidArgument(name, "must be uint8, 0..255", frame.dtype)
+    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] not in (1, 3)):
+        raise InvalidArgument(name, "must be [H, W], [H, W, 1] or [H, W, 3]", frame.shape)
+    # Kernels take any row pitch but need the pixels of a row side by side.
+    pixel_bytes = 1 if frame.ndim == 2 else frame.shape[2]
+    packed = frame.strides[1] == pixel_bytes and (frame.ndim == 2 or frame.strides[2] == 1)
+    return frame if packed and abs(frame.strides[0]) >= pixel_bytes * frame.shape[1] else np.ascontiguousarray(frame)
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _whole(name: str, value: Any, rule: str, shown: Any) -> int:
+    # The core counts in 32 bits; what does not fit is beyond every limit there.
+    if not math.isfinite(value) or int(value) != value or abs(value) >= 2**31:
+        raise InvalidArgument(name, rule, repr(shown))
+    return int(value)
 
 
 def _pair(name: str, values: Any, rule: str) -> tuple[Any, Any]:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
+from endosdk import _core
+from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelNotFound, ModelUnreadable
 from endosdk.io.bounded_read import is_there
-from endosdk.io.names import RULE, is_plain_name
 
-FORMAT_VERSION = "1"
 PREFIX = "endosdk."
 
 
@@ -38,10 +36,9 @@ class ModelInfo:
     input_multiple: int  # both sides of the input are padded to a multiple of this, px
     output_stride: int  # the output grid is the input grid divided by this
     max_disparity: int  # px at the input width; larger disparities cannot be found
-    max_candidate_disparity: int | None  # the largest disparity the network has a plane for, px; None: not stated
-    inference_width: (
-        int | None
-    )  # wider frames are seen at this width unless the caller sets a size, px; None: none named
+    max_candidate_disparity: int | None  # the largest disparity the network considers, px; None: not stated
+    inference_width: int | None  # px; wider frames are seen at this width unless the caller sets a size; None: any
+    upsampling: str  # how disparity comes to the input's grid; what the network was trained through
     channel_order: str
     license: str
     training: dict[str, Any]  # data set ids and hashes, recipe, metrics on the test split
@@ -65,8 +62,8 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
     """Read a model given by shipped name, path or content.
 
     A shipped model is checked against its recorded SHA-256; hash and content are of the very bytes that are returned.
-    Where there are no ``integer_units``, a shipped model of 8-bit integers gives way to its float twin, with a warning
-    in the log ``endosdk``; paths and bytes are always taken as they are.
+    Without ``integer_units``, a shipped model of 8-bit integers gives way to its float32 model, with a warning in the
+    log ``endosdk``; paths and bytes are always taken as they are.
     """
     if isinstance(source, bytes | bytearray | memoryview):
         data = bytes(source)
@@ -76,11 +73,11 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
     folder = _shipped_folder()
     entry = _manifest(folder).get(source) if isinstance(source, str) else None
     if entry and not integer_units and "without_integer_units" in entry:
-        twin = entry["without_integer_units"]
+        float32_model = entry["without_integer_units"]
         logging.getLogger("endosdk").warning(
-            "%s computes in 8-bit integers, for which there are no fast instructions here: %s is used", source, twin
+            "%s computes in 8-bit integers, which are not fast here: %s is used", source, float32_model
         )
-        return read_model(twin)
+        return read_model(float32_model)
     path = folder / entry["file"] if entry else Path(source)
     if not (is_there(path) and path.is_file()):
         names = ", ".join(sorted(_manifest(folder)))
@@ -94,40 +91,9 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
 
 def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
     """Turn the metadata of an ONNX file into a `ModelInfo`; name the key that is missing or wrong."""
-    version = _required(metadata, "format_version")
-    if version != FORMAT_VERSION:
-        raise ModelMetadata("format_version", f"this release reads format {FORMAT_VERSION}", repr(version))
-    order = _required(metadata, "channel_order")
-    if order != "rgb":
-        raise ModelMetadata("channel_order", "must be rgb", repr(order))
-    try:
-        training = json.loads(_required(metadata, "training"))
-    except (ValueError, RecursionError) as error:
-        raise ModelMetadata(PREFIX + "training", "must be JSON", str(error)) from error
-    if not isinstance(training, dict):
-        raise ModelMetadata(PREFIX + "training", "must be a JSON object", type(training).__name__)
-    max_disparity = _positive(metadata, "max_disparity")
-    max_candidate_disparity = _optional(metadata, "max_candidate_disparity")
-    if max_candidate_disparity is not None and max_candidate_disparity > max_disparity:
-        raise ModelMetadata(
-            PREFIX + "max_candidate_disparity",
-            f"must be at most max_disparity, {max_disparity}",
-            max_candidate_disparity,
-        )
-    return ModelInfo(
-        name=_plain(metadata, "name"),
-        version=_required(metadata, "version"),
-        input_multiple=_positive(metadata, "input_multiple"),
-        output_stride=_positive(metadata, "output_stride"),
-        max_disparity=max_disparity,
-        max_candidate_disparity=max_candidate_disparity,
-        inference_width=_optional(metadata, "inference_width"),
-        channel_order=order,
-        license=_required(metadata, "license"),
-        training=training,
-        intended_use=_required(metadata, "intended_use"),
-        sha256=sha256,
-    )
+    fields = _core.parse_metadata(dict(metadata), sha256)
+    fields["training"] = json.loads(fields["training"])
+    return ModelInfo(**fields)
 
 
 def _shipped_folder() -> Path:
@@ -140,30 +106,3 @@ def _manifest(folder: Path) -> dict[str, dict[str, str]]:
     if not path.is_file():
         raise ModelUnreadable("models.toml", "the installed package must contain its model list", str(path))
     return tomllib.loads(path.read_text())
-
-
-def _required(metadata: Mapping[str, str], key: str) -> str:
-    value = metadata.get(PREFIX + key)
-    if value is None or value == "":
-        raise ModelMetadata(PREFIX + key, "a model for endosdk must carry this metadata key", "nothing")
-    return value
-
-
-def _plain(metadata: Mapping[str, str], key: str) -> str:
-    """Return a name that may become that of a folder."""
-    name = _required(metadata, key)
-    if not is_plain_name(name):
-        raise ModelMetadata(PREFIX + key, RULE, repr(name))
-    return name
-
-
-def _positive(metadata: Mapping[str, str], key: str) -> int:
-    text = _required(metadata, key)
-    # Nine digits: more than any side or disparity has, and few enough for every integer type of the library.
-    if not re.fullmatch("[0-9]{1,9}", text) or int(text) == 0:
-        raise ModelMetadata(PREFIX + key, "must be a positive whole number", repr(text))
-    return int(text)
-
-
-def _optional(metadata: Mapping[str, str], key: str) -> int | None:
-    return _positive(metadata, key) if PREFIX + key in metadata else None

@@ -3,35 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
 
 import numpy as np
-import numpy.typing as npt
 
+from endosdk._core import Reason as Reason
+from endosdk._core import Status as Status
+from endosdk._core import calibration_rule
 from endosdk.calibration.rig import RectifiedGeometry
 from endosdk.errors import CalibrationRequired
+from endosdk.runtime.maps import ByteMap, FloatMap
 from endosdk.runtime.models import ModelInfo
-
-FloatMap = npt.NDArray[np.float32]
-ByteMap = npt.NDArray[np.uint8]
-
-
-class Reason(IntFlag):
-    """Why a pixel has no depth: the bits of `DepthResult.reasons`."""
-
-    LOW_CONFIDENCE = 1  # the network does not trust its own answer, or the two views do not agree on it
-    OCCLUDED = 2  # a nearer surface covers the match in the right view
-    OUTSIDE_OVERLAP = 4  # the right camera does not see this point, or the lens map has no source pixel
-    OUT_OF_RANGE = 8  # no finite positive depth, one outside the range asked for, or one that the network cannot find
-    SATURATED = 16  # all three colours of the left view are blown out: glare
-
-
-class Status(IntEnum):
-    """One word on the whole frame, from the share of pixels that have an answer."""
-
-    OK = 0  # at least half of the pixels have an answer
-    DEGRADED = 1  # less than half
-    INVALID = 2  # less than a twentieth: do not use this frame
 
 
 @dataclass(frozen=True)
@@ -62,8 +43,9 @@ class DepthResult:
     confidence: FloatMap
     reasons: ByteMap
     status: Status
-    valid_share: float  # share of pixels with reasons == 0
+    valid_share: float  # share of pixels with reasons == 0, the valid ones
     timings: Timings
+    late: bool  # the frame took longer than the estimator's deadline, waiting included
     frame: int  # counts the frames of this estimator from 1
     model: ModelInfo
     geometry: RectifiedGeometry | None
@@ -96,14 +78,5 @@ class DepthResult:
         return np.stack([x, y, depth], axis=-1)
 
 
-def status_of(valid_share: float) -> Status:
-    """Judge a frame by the share of its pixels that have an answer."""
-    if valid_share < 0.05:
-        return Status.INVALID
-    return Status.DEGRADED if valid_share < 0.5 else Status.OK
-
-
 def _no_calibration(name: str) -> CalibrationRequired:
-    return CalibrationRequired(
-        name, "metric output needs a calibration: pass DepthEstimator(..., calibration=rig)", "no calibration"
-    )
+    return CalibrationRequired(name, calibration_rule, "no calibration")

@@ -1,151 +1,120 @@
-"""Several frames in flight, each on a thread of its own; their results in order."""
+"""A source of pairs tied to a compiled stream: pairs are drawn on a thread of their own, answers come in order."""
 
 from __future__ import annotations
 
-import itertools
+import atexit
 import threading
+import weakref
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any
 
 from endosdk import _core
-
-Item = TypeVar("Item")
-Ready = TypeVar("Ready")
-Result = TypeVar("Result")
+from endosdk.errors import InvalidArgument
+from endosdk.runtime.arguments import Frame, check_pair
+from endosdk.runtime.maps import Maps
 
 THREAD_NAME = "endosdk-stream"
-SOURCE_PATIENCE_S = 0.2  # how long closing waits for a source that is asked for an item and does not answer
+SOURCE_PATIENCE_S = 0.2  # how long closing waits for a source that is asked for a pair and does not answer
+
+_END = object()
+
+_open_streams: weakref.WeakSet[Feeder] = weakref.WeakSet()
 
 
-class _End:
-    """What a source gives when it has no more."""
+class Feeder:
+    """Draws pairs from a source, submits them to a stream, and gives the answers in order.
 
-
-_END = _End()
-
-
-@dataclass(frozen=True)
-class _Outcome(Generic[Result]):
-    """What became of one item: a result, an error, or neither at the end of the source."""
-
-    result: Result | _End
-    error: BaseException | None = None
-
-
-class InFlight(Generic[Item, Ready, Result]):
-    """Takes items one after the other, computes up to ``lanes`` of them at a time, gives the results in order.
-
-    ``take(number, item)`` is called in order and never twice at a time; the next item is drawn only when it is done, so
-    a source may reuse its memory. ``compute(number, ready)`` gets what it returned and runs beside others. No more than
-    ``lanes`` results are on their way or waiting: an item's number modulo ``lanes + 1`` names memory that no other item
-    uses, the one whose result is in the consumer's hands included. An error is raised in its turn and ends the stream.
+    The stream is opened for the size of the first pair. A pair is drawn when there is room for it, so that no more
+    frames are on their way or waiting than the stream has lanes.
     """
 
     def __init__(
         self,
-        items: Iterator[Item],
-        lanes: int,
-        take: Callable[[int, Item], Ready],
-        compute: Callable[[int, Ready], Result],
+        pairs: Iterator[Any],
+        open_stream: Callable[[int, int], _core.Stream],
+        maps_for: Callable[[int, _core.Stream, tuple[int, int]], Maps],
     ) -> None:
-        self._items = items
-        self._lanes = lanes
-        self._take = take
-        self._compute = compute
-        self._change = threading.Condition()  # guards everything below
-        self._next = 0  # number of the item that is drawn next
-        self._given = 0  # results handed out
-        self._reader: threading.Thread | None = None  # the lane that draws or takes an item
-        self._busy = 0  # lanes at work outside the source
-        self._over = False  # nothing is drawn any more
-        self._outcomes: dict[int, _Outcome[Result]] = {}
+        self._pairs = pairs
+        self._open_stream = open_stream
+        self._maps_for = maps_for
+        self._stream: _core.Stream | None = None
+        self._started = threading.Event()  # the stream is open, or never will be
+        self._error: BaseException | None = None  # of the source, raised after the answers before it
+        self._over = False
+        self._drawing = False
+        self._reader = threading.Thread(target=self._read, name=THREAD_NAME, daemon=True)
 
-    def results(self) -> Iterator[Result]:
-        """Yield the results.
+    def answers(self) -> Iterator[tuple[_core.FrameReport, Maps]]:
+        """Yield what is said of each frame, and its maps.
 
-        Closing the iterator waits for what is being computed and ends the threads. A lane that is held up in the
-        source, in a camera that has stalled, is left behind: it ends when the source answers, and does not keep the
-        program from ending.
+        Closing the iterator waits for what is being computed and ends the threads. A source that is held up, a camera
+        that has stalled, is left behind: its thread ends when it answers, and does not keep the program from ending.
         """
-        lanes = [
-            threading.Thread(target=self._serve, name=f"{THREAD_NAME}-{lane}", daemon=True)
-            for lane in range(self._lanes)
-        ]
-        for lane in lanes:
-            lane.start()
+        _open_streams.add(self)
+        self._reader.start()
         try:
-            for number in itertools.count():
-                outcome = self._wait_for_outcome(number)
-                if outcome.error is not None:
-                    raise outcome.error
-                if isinstance(outcome.result, _End):
-                    return
-                yield outcome.result
+            self._started.wait()
+            while self._stream is not None and (answer := self._stream.receive()) is not None:
+                yield answer
+            if self._error is not None:
+                raise self._error
         finally:
-            self._close(lanes)
+            self.close()
 
-    def _wait_for_outcome(self, number: int) -> _Outcome[Result]:
-        with self._change:
-            self._change.wait_for(lambda: number in self._outcomes)
-            self._given += 1
-            self._change.notify_all()
-            return self._outcomes.pop(number)
+    def close(self) -> None:
+        """End the stream."""
+        self._over = True
+        if self._stream is not None:
+            self._stream.close()
+        if self._reader.is_alive() and self._reader is not threading.current_thread():
+            self._reader.join(SOURCE_PATIENCE_S if self._drawing else None)
 
-    def _close(self, lanes: list[threading.Thread]) -> None:
-        with self._change:
-            self._over = True
-            self._change.notify_all()
-            self._change.wait_for(lambda: self._busy == 0)
-            held_up = self._reader
-        for lane in lanes:
-            lane.join(SOURCE_PATIENCE_S if lane is held_up else None)
-
-    def _serve(self) -> None:
-        """Work on one item after the other, until the stream is over."""
-        _core.set_threads(1)
-        while (number := self._turn_to_draw()) is not None:
-            outcome = self._work(number)
-            with self._change:
-                self._busy -= 1
-                if outcome is not None:
-                    self._outcomes[number] = outcome
-                self._change.notify_all()
-
-    def _turn_to_draw(self) -> int | None:
-        """Wait until this lane may draw and return its item's number; None when nothing is drawn any more."""
-        with self._change:
-            self._change.wait_for(
-                lambda: self._over or (self._reader is None and self._next < self._given + self._lanes)
-            )
-            if self._over:
-                return None
-            self._reader = threading.current_thread()
-            self._next += 1
-            return self._next - 1
-
-    def _work(self, number: int) -> _Outcome[Result] | None:
-        """Draw, take and compute one item; leaves the lane counted as busy. None when nobody waits for it any more."""
+    def _read(self) -> None:
         try:
-            try:
-                item = next(self._items, _END)
-            finally:
-                with self._change:
-                    self._busy += 1
-            if self._over:
-                return None
-            if isinstance(item, _End):
-                self._end()
-                return _Outcome(_END)
-            ready = self._take(number, item)
-            with self._change:
-                self._reader = None
-                self._change.notify_all()
-            return _Outcome(self._compute(number, ready))
-        except BaseException as error:  # whatever it is, it is raised where the results are drawn
-            self._end()
-            return _Outcome(_END, error)
+            number = 0
+            while (pair := self._draw()) is not None:
+                self._submit(number, pair)
+                number += 1
+        except BaseException as error:  # whatever it is, it is raised where the answers are drawn
+            if not self._over:
+                self._error = error
+        finally:
+            if self._stream is not None:
+                self._stream.end()
+            self._started.set()
 
-    def _end(self) -> None:
-        with self._change:
-            self._over = True
+    def _draw(self) -> tuple[Frame, Frame] | None:
+        """Return the next pair, once there is room for it; None at the end."""
+        if self._stream is not None and not self._stream.wait_for_room():
+            return None
+        self._drawing = True
+        try:
+            item = next(self._pairs, _END)
+        finally:
+            self._drawing = False
+        if item is _END or self._over:
+            return None
+        if not isinstance(item, tuple | list) or len(item) != 2:
+            raise InvalidArgument("source", "must yield (left, right)", type(item).__name__)
+        return check_pair(*item)
+
+    def _submit(self, number: int, pair: tuple[Frame, Frame]) -> None:
+        height, width = pair[0].shape[:2]
+        if self._stream is None:
+            self._stream = self._open_stream(width, height)
+            self._started.set()
+        self._stream.submit(*pair, self._maps_for(number, self._stream, (width, height)))
+
+
+def drawn_from(function: Callable[[], Any]) -> Iterator[Any]:
+    """Yield what a function returns until it returns None."""
+    # Not iter(function, None), which would compare what the function returns, an array perhaps, with None.
+    while (pair := function()) is not None:
+        yield pair
+
+
+@atexit.register
+def _close_all() -> None:
+    # The threads of a stream call Python; none may be at work when the interpreter goes.
+    for feeder in list(_open_streams):
+        feeder.close()

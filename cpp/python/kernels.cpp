@@ -1,131 +1,26 @@
-// The Python module endosdk._core: converts and checks arrays, releases the GIL, calls the core. Nothing else.
-#include <pybind11/numpy.h>
-#include <pybind11/pybind11.h>
-#include <pybind11/stl.h>
-
+// The kernels and stages one by one, for tests and studies: arrays are checked, the GIL is released, the core is called.
 #include <algorithm>
-#include <limits>
-#include <optional>
 #include <string>
 #include <tuple>
 
-#include "geometry/stereo_rectify.hpp"
-#include "platform/errors.hpp"
-#include "images/image.hpp"
-#include "kernels/kernels.hpp"
+#include "arrays.hpp"
+#include "bindings.hpp"
 #include "frame_path/network_size.hpp"
-#include "maps/postprocess.hpp"
+#include "geometry/stereo_rectify.hpp"
 #include "images/rectify.hpp"
-#include "images/resize.hpp"
+#include "kernels/kernels.hpp"
+#include "maps/postprocess.hpp"
 #include "platform/threads.hpp"
-
-namespace py = pybind11;
 
 namespace endosdk {
 namespace {
 
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
-using OptionalArray = std::optional<py::array>;
 using ViewTuple = std::tuple<std::string, Doubles, Doubles, Doubles, Doubles>;
-
-std::string shape_text(const py::array& array) {
-  std::string text = "(";
-  for (py::ssize_t i = 0; i < array.ndim(); ++i) text += (i ? ", " : "") + std::to_string(array.shape(i));
-  return text + ")";
-}
-
-int side(py::ssize_t length, const char* name) {
-  require(length <= std::numeric_limits<int>::max() / 4, name, "is too large", length);
-  return static_cast<int>(length);
-}
-
-template <typename Type>
-void require_type(const py::array& array, const char* name) {
-  require(py::isinstance<py::array_t<Type>>(array), name, "must be " + std::string(py::str(py::dtype::of<Type>())),
-          std::string(py::str(array.dtype())));
-}
-
-void require_contiguous(const py::array& array, const char* name) {
-  require((array.flags() & py::array::c_style) != 0, name, "must be C-contiguous", "strides of another order");
-}
-
-template <typename Type>
-FloatView float_view(const py::array& array, const char* name) {
-  require_type<Type>(array, name);
-  require(array.ndim() == 2, name, "must have shape [height, width]", shape_text(array));
-  require_contiguous(array, name);
-  return {static_cast<const float*>(array.data()), side(array.shape(1), name), side(array.shape(0), name)};
-}
-
-// The memory of an array that the caller wants written.
-void* writable(py::array& array, const char* name) {
-  require(array.writeable(), name, "must be writable", "a read-only array");
-  return array.mutable_data();
-}
-
-MutableFloatView float_output(py::array& array, const char* name) {
-  const FloatView view = float_view<float>(array, name);
-  return {static_cast<float*>(writable(array, name)), view.width, view.height};
-}
-
-// An optional map that must have the size of the outputs; null when it is None.
-template <typename Type>
-const Type* map_of(const OptionalArray& array, const MutableFloatView& size, const char* name) {
-  if (!array) return nullptr;
-  require_type<Type>(*array, name);
-  require(array->ndim() == 2 && array->shape(0) == size.height && array->shape(1) == size.width, name,
-          "must have the shape of out_disparity", shape_text(*array));
-  require_contiguous(*array, name);
-  return static_cast<const Type*>(array->data());
-}
-
-template <typename Type>
-Type* map_output(OptionalArray& array, const MutableFloatView& size, const char* name) {
-  if (map_of<Type>(array, size, name) == nullptr) return nullptr;
-  return static_cast<Type*>(writable(*array, name));
-}
-
-ImageView image_view(const py::array& array, const char* name) {
-  require_type<uint8_t>(array, name);
-  const bool flat = array.ndim() == 2;
-  require(flat || array.ndim() == 3, name, "must have shape [height, width, channels]", shape_text(array));
-  const int channels = flat ? 1 : side(array.shape(2), name);
-  const bool packed = (array.shape(1) <= 1 || array.strides(1) == channels) &&
-                      (flat || channels <= 1 || array.strides(2) == 1);
-  require(packed || array.size() == 0, name, "pixels of a row must be contiguous", "other strides");
-  return {static_cast<const uint8_t*>(array.data()), side(array.shape(1), name), side(array.shape(0), name), channels,
-          array.strides(0)};
-}
-
-PlanarView planar_view(const py::array& array, void* data, const char* name) {
-  require_type<uint8_t>(array, name);
-  require(array.ndim() == 3 && array.shape(0) == 3, name, "must have shape [3, height, width]", shape_text(array));
-  require_contiguous(array, name);
-  return {static_cast<uint8_t*>(data), side(array.shape(2), name), side(array.shape(1), name)};
-}
-
-PlanarView planar_output(py::array& array, const char* name) { return planar_view(array, writable(array, name), name); }
-
-ChannelOrder channel_order(const std::string& order) {
-  if (order == "rgb") return ChannelOrder::rgb;
-  if (order == "bgr") return ChannelOrder::bgr;
-  if (order == "gray") return ChannelOrder::gray;
-  reject("order", "must be rgb, bgr or gray", order);
-}
 
 CameraModel camera_model(const std::string& model) {
   if (model == "pinhole") return CameraModel::pinhole;
   if (model == "fisheye") return CameraModel::fisheye;
   reject("model", "must be pinhole or fisheye", model);
-}
-
-template <size_t Count>
-std::array<double, Count> numbers(const Doubles& array, const std::string& name) {
-  require(array.size() == static_cast<py::ssize_t>(Count), name, "must hold " + std::to_string(Count) + " numbers",
-          array.size());
-  std::array<double, Count> result;
-  std::copy_n(array.data(), Count, result.begin());
-  return result;
 }
 
 Camera camera(const std::string& model, const Doubles& matrix, const Doubles& distortion, const std::string& name) {
@@ -257,49 +152,95 @@ void resize_arrays(const py::array& source, py::array& out, double scale_y, doub
   resize_bilinear(from, to, {scale_y, scale_x}, gain);
 }
 
-int postprocess_arrays(const py::array& disparity, const py::array& confidence, double scale_y, double scale_x,
-                       float gain, py::array& out_disparity, py::array& out_confidence, py::array& out_reasons,
-                       const OptionalArray& image, const OptionalArray& valid_left, const OptionalArray& valid_right,
-                       float min_confidence, OptionalArray out_depth, OptionalArray out_sigma, double focal_px,
-                       double baseline_mm, double doffs, double min_depth_mm, double max_depth_mm, double image_scale_y,
-                       double image_scale_x, double max_candidate_disparity, const OptionalArray& right_image, bool same_frames,
-                       double right_shift) {
-  PostprocessOutput out;
-  out.disparity = float_output(out_disparity, "out_disparity");
-  const MutableFloatView& size = out.disparity;
-  OptionalArray confidence_map = out_confidence;
-  OptionalArray reasons_map = out_reasons;
-  out.confidence = {map_output<float>(confidence_map, size, "out_confidence"), size.width, size.height};
-  out.reasons = map_output<uint8_t>(reasons_map, size, "out_reasons");
-  out.depth = map_output<float>(out_depth, size, "out_depth");
-  out.sigma = map_output<float>(out_sigma, size, "out_sigma");
+// A field of a call's arguments, or what stands for it.
+template <typename Value>
+Value field(const py::dict& fields, const char* name, Value otherwise) {
+  return fields.contains(name) ? py::cast<Value>(fields[name]) : otherwise;
+}
 
+// Nothing that a caller writes is dropped.
+void check_names(const py::dict& fields, const char* argument, std::initializer_list<const char*> known) {
+  for (const auto& item : fields) {
+    const auto name = py::cast<std::string>(item.first);
+    const bool is_known = std::any_of(known.begin(), known.end(), [&](const char* each) { return name == each; });
+    require(is_known, argument, "must hold fields of PostprocessInput or PostprocessOutput", name);
+  }
+}
+
+py::array required_array(const py::dict& fields, const char* name) {
+  require(fields.contains(name), name, "must be given", "nothing");
+  return py::cast<py::array>(fields[name]);
+}
+
+Scale scale_of(const py::dict& fields, const char* name) {
+  const auto [y, x] = field<std::pair<double, double>>(fields, name, {1.0, 1.0});
+  return {y, x};
+}
+
+PlanarView read_only_planes(const OptionalArray& array, const char* name) {
+  // The images are only read; the view's type is shared with outputs.
+  return array ? planar_view(*array, const_cast<void*>(array->data()), name) : PlanarView{};
+}
+
+PostprocessOutput output_maps(const py::dict& fields) {
+  check_names(fields, "out", {"disparity", "confidence", "reasons", "depth", "sigma"});
+  PostprocessOutput out;
+  py::array disparity = required_array(fields, "disparity");
+  OptionalArray confidence = required_array(fields, "confidence");
+  OptionalArray reasons = required_array(fields, "reasons");
+  OptionalArray depth = field<OptionalArray>(fields, "depth", std::nullopt);
+  OptionalArray sigma = field<OptionalArray>(fields, "sigma", std::nullopt);
+  out.disparity = float_output(disparity, "out disparity");
+  const MutableFloatView& size = out.disparity;
+  out.confidence = {map_output<float>(confidence, size, "out confidence"), size.width, size.height};
+  out.reasons = map_output<uint8_t>(reasons, size, "out reasons");
+  out.depth = map_output<float>(depth, size, "out depth");
+  out.sigma = map_output<float>(sigma, size, "out sigma");
+  return out;
+}
+
+// The stage by itself, for tests and studies; the frame path fills the same structs.
+int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
+  check_names(fields, "fields",
+              {"disparity", "confidence", "scale", "view_scale", "gain", "min_confidence", "max_candidate_disparity", "left",
+               "right", "same_frames", "right_shift", "valid_left", "valid_right", "focal_px", "baseline_mm", "doffs",
+               "min_depth_mm", "max_depth_mm"});
+  const PostprocessOutput out = output_maps(outputs);
+  const MutableFloatView& size = out.disparity;
+  const py::array disparity = required_array(fields, "disparity");
+  const py::array confidence = required_array(fields, "confidence");
+  const auto left = field<OptionalArray>(fields, "left", std::nullopt);
+  const auto right = field<OptionalArray>(fields, "right", std::nullopt);
+  const auto valid_left = field<OptionalArray>(fields, "valid_left", std::nullopt);
+  const auto valid_right = field<OptionalArray>(fields, "valid_right", std::nullopt);
   PostprocessInput in;
   in.disparity = float_view<float>(disparity, "disparity");
   in.confidence = float_view<float>(confidence, "confidence");
-  in.scale = {scale_y, scale_x};
-  in.gain = gain;
-  in.min_confidence = min_confidence;
-  in.max_candidate_disparity = max_candidate_disparity;
-  // The images are only read; the view's type is shared with outputs.
-  if (image) in.left = planar_view(*image, const_cast<void*>(image->data()), "image");
-  if (right_image) in.right = planar_view(*right_image, const_cast<void*>(right_image->data()), "right_image");
-  in.same_frames = same_frames;
-  in.right_shift = right_shift;
-  in.view_scale = {image_scale_y, image_scale_x};
+  in.scale = scale_of(fields, "scale");
+  in.view_scale = scale_of(fields, "view_scale");
+  in.gain = field(fields, "gain", in.gain);
+  in.min_confidence = field(fields, "min_confidence", in.min_confidence);
+  in.max_candidate_disparity = field(fields, "max_candidate_disparity", in.max_candidate_disparity);
+  in.left = read_only_planes(left, "left");
+  in.right = read_only_planes(right, "right");
+  in.same_frames = field(fields, "same_frames", in.same_frames);
+  in.right_shift = field(fields, "right_shift", in.right_shift);
   in.valid_left = map_of<uint8_t>(valid_left, size, "valid_left");
   in.valid_right = map_of<uint8_t>(valid_right, size, "valid_right");
-  in.geometry = {focal_px, baseline_mm, doffs, min_depth_mm, max_depth_mm};
+  in.geometry = {field(fields, "focal_px", 0.0), field(fields, "baseline_mm", 0.0), field(fields, "doffs", 0.0),
+                 field(fields, "min_depth_mm", 0.0),
+                 field(fields, "max_depth_mm", std::numeric_limits<double>::infinity())};
   const py::gil_scoped_release release;
   return postprocess(in, out);
 }
 
 void bind_settings(py::module_& m) {
-  m.attr("version") = ENDOSDK_VERSION;
-  m.attr("range_margin") = range_margin;
-  m.def("isa", [] { return std::string(kernels().name); }, "Instruction set in use: avx512, avx2 or plain.");
+  m.def("isa", [] { return std::string(kernels().name); }, "Instruction set in use: one of kernel_sets.");
   m.def("set_isa", [](const std::string& name) { choose_kernels(name.c_str()); }, py::arg("name"),
         "Use another instruction set, for tests and diagnostics.");
+  py::list sets;
+  for (int i = 0; kernel_set(i) != nullptr; ++i) sets.append(kernel_set(i));
+  m.attr("kernel_sets") = py::tuple(sets);
   m.def("has_integer_units", &has_integer_units, "Whether this processor has vector instructions for 8-bit networks (AVX2).");
   m.def("default_threads", &default_thread_count, "Cores that this process may use, but at most 8.");
   m.def("threads", &thread_count, "Threads that kernels called from this thread may use.");
@@ -337,21 +278,16 @@ void bind_maps(py::module_& m) {
   using py::arg;
   m.def("resize_bilinear", &resize_arrays, arg("src"), arg("out"), arg("scale_y"), arg("scale_x"), arg("gain"),
         "Resize a map with half-pixel centres and multiply it by gain.");
-  m.def("postprocess", &postprocess_arrays, arg("disparity"), arg("confidence"), arg("scale_y"), arg("scale_x"),
-        arg("gain"), arg("out_disparity"), arg("out_confidence"), arg("out_reasons"), arg("image"), arg("valid_left"),
-        arg("valid_right"), arg("min_confidence"), arg("out_depth") = py::none(), arg("out_sigma") = py::none(),
-        arg("focal_px") = 0.0, arg("baseline_mm") = 0.0, arg("doffs") = 0.0, arg("min_depth_mm") = 0.0,
-        arg("max_depth_mm") = std::numeric_limits<double>::infinity(), arg("image_scale_y") = 1.0,
-        arg("image_scale_x") = 1.0, arg("max_candidate_disparity") = 0.0, arg("right_image") = py::none(), arg("same_frames") = false, arg("right_shift") = 0.0,
-        "Fill the full-size maps of one frame; returns the number of usable pixels.");
+  m.def("postprocess", &postprocess_arrays, arg("fields"), arg("out"),
+        "Fill the full-size maps of one frame; returns the number of valid pixels.");
 }
 
 }  // namespace
-}  // namespace endosdk
 
-PYBIND11_MODULE(_core, m) {
-  m.doc() = "Compiled kernels of endosdk. Private: use the Python package instead.";
-  endosdk::bind_settings(m);
-  endosdk::bind_rectification(m);
-  endosdk::bind_maps(m);
+void bind_kernels(py::module_& m) {
+  bind_settings(m);
+  bind_rectification(m);
+  bind_maps(m);
 }
+
+}  // namespace endosdk

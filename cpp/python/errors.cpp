@@ -1,0 +1,32 @@
+// Errors of the core become the package's own, with the same code and words as in C.
+#include <new>
+
+#include "bindings.hpp"
+#include "platform/errors.hpp"
+
+namespace py = pybind11;
+
+namespace endosdk {
+namespace {
+
+void raise_error(endo_status status, const std::string& argument, const std::string& rule, const std::string& value) {
+  const py::object error =
+      py::module_::import("endosdk.errors").attr("error_of")(static_cast<int>(status), argument, rule, value);
+  PyErr_SetObject(py::type::of(error).ptr(), error.ptr());
+}
+
+void translate(std::exception_ptr thrown) {
+  try {
+    if (thrown) std::rethrow_exception(thrown);
+  } catch (const Error& error) {
+    raise_error(error.status(), error.argument(), error.rule(), error.value());
+  } catch (const std::bad_alloc&) {
+    raise_error(ENDO_OUT_OF_MEMORY, "memory", "is used up", "none");
+  }
+}
+
+}  // namespace
+
+void bind_errors(py::module_&) { py::register_local_exception_translator(translate); }
+
+}  // namespace endosdk

@@ -1,0 +1,11 @@
+// The Python module endosdk._core: its table of contents.
+#include "bindings.hpp"
+
+PYBIND11_MODULE(_core, m) {
+  m.doc() = "The compiled core of endosdk. Private: use the Python package instead.";
+  m.attr("version") = ENDOSDK_VERSION;
+  endosdk::bind_errors(m);
+  endosdk::bind_facts(m);
+  endosdk::bind_kernels(m);
+  endosdk::bind_frame_path(m);
+}

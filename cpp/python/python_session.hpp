@@ -1,0 +1,33 @@
+// A session that Python brings: the GIL is held while its methods are called, and at no other time.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <memory>
+
+#include "frame_path/session.hpp"
+
+namespace endosdk {
+
+// The object has `metadata`, `sha256`, `provider`, `runtime_version` and `telemetry_on`; `bind(left, right, disparity,
+// confidence)` with arrays over the frame path's memory, which returns an object with `run`, `stop` and `resume`; and
+// `for_one_thread_each()`, which returns another session or None.
+class PythonSession : public Session {
+ public:
+  explicit PythonSession(pybind11::object session);
+  ~PythonSession() override;
+
+  const ModelInfo& model() const override { return info_; }
+  const SessionFacts& facts() const override { return facts_; }
+  std::unique_ptr<Run> bind(SessionBuffers& buffers) override;
+  std::shared_ptr<Session> for_one_thread_each() override;
+
+ private:
+  class BoundRun;
+
+  pybind11::object session_;
+  ModelInfo info_;
+  SessionFacts facts_;
+};
+
+}  // namespace endosdk
