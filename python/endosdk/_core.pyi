@@ -1,14 +1,61 @@
 """Types of the compiled kernels. Private: use the package `endosdk` instead.
 
-Arrays are C-contiguous unless said. Wrong types, shapes or values raise ``ValueError`` naming argument, rule and value.
+Arrays are C-contiguous unless said. Wrong types, shapes or values raise `endosdk.errors.InvalidArgument`.
 """
 
-from typing import Literal
+import enum
+from collections.abc import Mapping
+from typing import Any, Literal, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 version: str
+
+class Reason(enum.IntFlag):
+    """Why a pixel is not valid: the bits of `reasons`."""
+
+    LOW_CONFIDENCE = 1
+    OCCLUDED = 2
+    OUTSIDE_OVERLAP = 4
+    OUT_OF_RANGE = 8
+    SATURATED = 16
+
+class Status(enum.IntEnum):
+    """One word on a whole frame, from the share of valid pixels."""
+
+    OK = 0
+    DEGRADED = 1
+    INVALID = 2
+
+# Shares of valid pixels from which a frame is OK, and from which it may be used at all.
+least_share_ok: float
+least_share_usable: float
+
+# What a metric output without a calibration is told.
+calibration_rule: str
+
+# The constants of joint bilateral upsampling, and how a model's metadata states them.
+upsampling_reach: int
+upsampling_unlike: float
+upsampling_least_likeness: float
+upsampling_metadata: str
+
+# ONNX Runtime's own names of the providers that have short ones, by those.
+providers: dict[str, str]
+cpu_provider: str
+
+def full_provider_name(name: str) -> str:
+    """Return ONNX Runtime's own name of a provider; short and full names are taken in any case."""
+
+def wants_float32_model(provider: str) -> bool:
+    """Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor."""
+
+def parse_metadata(metadata: dict[str, str], sha256: str) -> dict[str, Any]:
+    """Return what a model says of itself, by field of `ModelInfo`; name the key that is missing or wrong."""
+
+def check_weights_are_inside(model: bytes, origin: str) -> None:
+    """Refuse a model that keeps weights in another file: its hash would not cover them."""
 
 _Isa = Literal["avx512", "avx2", "plain"]
 _Order = Literal["rgb", "bgr", "gray"]
@@ -19,6 +66,9 @@ _Bytes = NDArray[np.uint8]
 
 # Model, K 3x3, distortion, R 3x3, P 3x4 of one view.
 _View = tuple[str, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
+
+# Every instruction set of this build, best first, whether this processor runs it or not.
+kernel_sets: tuple[_Isa, ...]
 
 def isa() -> _Isa: ...
 def set_isa(name: str) -> None: ...
@@ -38,7 +88,7 @@ def set_threads(n: int) -> None:
 def has_integer_units() -> bool:
     """Whether this processor has instructions for 8-bit networks (VNNI)."""
 
-def usual_network_size(width: int, height: int, usual_width: int) -> tuple[int, int]:
+def network_size_of(width: int, height: int, inference_width: int) -> tuple[int, int]:
     """Return (width, height) at which the network sees a frame when the caller sets none."""
 
 def stereo_rectify(
@@ -105,40 +155,117 @@ def resize_bilinear(src: _Map, out: _Map, scale_y: float, scale_x: float, gain: 
     ``scale`` is source size over full output size; ``out`` may be the top left part of the full output.
     """
 
-def postprocess(
-    disparity: _Map,
-    confidence: _Map,
-    scale_y: float,
-    scale_x: float,
-    gain: float,
-    out_disparity: _Map,
-    out_confidence: _Map,
-    out_reasons: _Bytes,
-    image: _Bytes | None,
-    valid_left: _Bytes | None,
-    valid_right: _Bytes | None,
-    min_confidence: float,
-    out_depth: _Map | None = None,
-    out_sigma: _Map | None = None,
-    focal_px: float = 0.0,
-    baseline_mm: float = 0.0,
-    doffs: float = 0.0,
-    min_depth_mm: float = 0.0,
-    max_depth_mm: float = ...,
-    image_scale_y: float = 1.0,
-    image_scale_x: float = 1.0,
-    last_plane: float = 0.0,
-    right_image: _Bytes | None = None,
-    same_frames: bool = False,
-    right_shift: float = 0.0,
-) -> int:
-    """Fill the full-size maps of one frame and return the number of pixels with ``reasons == 0``.
+class _PostprocessFields(TypedDict):
+    disparity: _Map
+    confidence: _Map
+    scale: NotRequired[tuple[float, float]]
+    view_scale: NotRequired[tuple[float, float]]
+    gain: NotRequired[float]
+    min_confidence: NotRequired[float]
+    max_candidate_disparity: NotRequired[float]
+    left: NotRequired[_Bytes | None]
+    right: NotRequired[_Bytes | None]
+    same_frames: NotRequired[bool]
+    right_shift: NotRequired[float]
+    valid_left: NotRequired[_Bytes | None]
+    valid_right: NotRequired[_Bytes | None]
+    focal_px: NotRequired[float]
+    baseline_mm: NotRequired[float]
+    doffs: NotRequired[float]
+    min_depth_mm: NotRequired[float]
+    max_depth_mm: NotRequired[float]
 
-    Inputs float32 [h, w], maps [H, W], ``image`` uint8 [3, Hp, Wp] planar, of which an
-    output pixel takes the nearest (``image_scale``: image pixels per output pixel). Depth and sigma (mm) are NaN where
-    a pixel has a reason; both need ``focal_px`` and ``baseline_mm``. Half a pixel before ``last_plane`` (px of the
-    input; 0: not known) and beyond a pixel is out of range. With ``right_image``, of the shape of ``image``, confidence
-    becomes 0 where the two do not agree at the disparity found, and everywhere with ``same_frames``: both cameras gave
-    the same bytes. ``right_shift`` is how far, px of the maps, the right view was moved to the left before the network
-    saw it; disparities come out as without that.
+class _PostprocessMaps(TypedDict):
+    disparity: _Map
+    confidence: _Map
+    reasons: _Bytes
+    depth: NotRequired[_Map]
+    sigma: NotRequired[_Map]
+
+def postprocess(fields: _PostprocessFields | Mapping[str, Any], out: _PostprocessMaps | Mapping[str, Any]) -> int:
+    """Fill the full-size maps of one frame and return the number of valid pixels. For tests and studies.
+
+    Fields are those of ``PostprocessInput`` in ``cpp/src/maps/postprocess.hpp``: grids float32 [h, w], ``scale`` and
+    ``view_scale`` (y, x) in grid and view pixels per output pixel, ``gain`` in output pixels per network pixel, views
+    uint8 [3, Hp, Wp] planar, masks uint8 [H, W]. Maps are [H, W]. Depth and sigma (mm) are NaN where a pixel has a
+    reason; both need ``focal_px`` and ``baseline_mm``.
     """
+
+_Rig = tuple[str, int, int, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
+_OutputMaps = tuple[_Map, _Map, _Bytes, _Map | None, _Map | None]
+
+def rectified_views(left: _Bytes, right: _Bytes, rig: _Rig | tuple[Any, ...]) -> tuple[_Bytes, _Bytes]:
+    """Return the rectified views of one pair at its own size."""
+
+class FrameReport:
+    """What is said of one frame besides its maps."""
+
+    @property
+    def frame(self) -> int: ...
+    @property
+    def valid_share(self) -> float: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def rectify_ms(self) -> float: ...
+    @property
+    def session_ms(self) -> float: ...
+    @property
+    def postprocess_ms(self) -> float: ...
+    @property
+    def total_ms(self) -> float: ...
+    @property
+    def late(self) -> bool: ...
+
+class Stream:
+    """Frames in flight; one thread may submit while another receives."""
+
+    @property
+    def lanes(self) -> int:
+        """How many frames may be submitted before one must be received."""
+
+    def wait_for_room(self) -> bool:
+        """Wait until one more frame may be submitted; False when the stream is over."""
+
+    def submit(self, left: _Bytes, right: _Bytes, maps: _OutputMaps) -> None:
+        """Hand a frame over and return once it was read."""
+
+    def receive(self) -> tuple[FrameReport, Any] | None:
+        """Wait for the oldest frame: what is said of it, and its maps. None when the stream is over."""
+
+    def end(self) -> None:
+        """Say that no frame follows."""
+
+    def close(self) -> None:
+        """End the stream and wait for what is being computed."""
+
+class FramePathSettings:
+    """What a host may choose of a frame path, checked."""
+
+    def __init__(
+        self,
+        channel_order: str,
+        threads: int,
+        network_size: tuple[int, int] | None,
+        min_confidence: float,
+        depth_range_mm: tuple[float, float],
+        deadline_ms: float,
+    ) -> None: ...
+    @property
+    def threads(self) -> int: ...
+
+class FramePath:
+    """The whole way of a frame around a session that Python brings."""
+
+    def __init__(self, session: Any, settings: FramePathSettings) -> None: ...
+    def set_calibration(self, rig: _Rig | tuple[Any, ...]) -> None: ...
+    def predict(self, left: _Bytes, right: _Bytes, maps: _OutputMaps) -> FrameReport: ...
+    def stream(self, width: int, height: int) -> Stream: ...
+    def rectify(self, left: _Bytes, right: _Bytes) -> tuple[_Bytes, _Bytes]: ...
+    def rectified(self) -> tuple[_Bytes, _Bytes]: ...
+    def prepare(self, width: int, height: int) -> None: ...
+    def cancel(self) -> None: ...
+    def self_test(self) -> None: ...
+    def close(self) -> None: ...
+    def nearest_depth_mm(self) -> float: ...
+    def diagnostics(self) -> str: ...
