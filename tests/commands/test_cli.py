@@ -99,7 +99,7 @@ def test_bad_input_is_one_line_and_status_2(tmp_path, capsys):
     path = write(tmp_path / "l.png", left)
     assert main(["predict", path, str(tmp_path / "missing.png"), "--model", str(TINY_MODEL)]) == 2
     told = capsys.readouterr().err
-    assert told.startswith("endosdk predict: frame: must be a picture file")
+    assert told.startswith("endosdk predict: frame: must be there")
     assert told.count("\n") == 1
 
 
