@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk import _core
-from endosdk.runtime.rectify import RectifyStage
+from endosdk.calibration.rig import StereoCalibration
 
 Image = NDArray[np.uint8]
 ONE_SURFACE = 1.0  # px; truth that differs by less is one surface
@@ -19,7 +19,7 @@ NO_TRUTH = -1e6  # stands for NaN where minima and maxima are taken: far from ev
 
 def seen_size(width: int, height: int, inference_width: int | None) -> tuple[int, int]:
     """Return (width, height) at which a network for ``inference_width`` sees a frame; the frame's own up to that."""
-    seen: tuple[int, int] = _core.usual_network_size(width, height, inference_width or 0)
+    seen: tuple[int, int] = _core.network_size_of(width, height, inference_width or 0)
     return seen
 
 
@@ -31,13 +31,24 @@ def seen_views(left: Image, right: Image, size: tuple[int, int], multiple: int =
     height, width = left.shape[:2]
     shape = (3, -(-size[1] // multiple) * multiple, -(-size[0] // multiple) * multiple)
     out = np.empty(shape, np.uint8), np.empty(shape, np.uint8)
-    _stage((width, height), size)(np.ascontiguousarray(left), np.ascontiguousarray(right), *out, "rgb")
+    left, right = np.ascontiguousarray(left), np.ascontiguousarray(right)
+    if size == (width, height):
+        _core.pack(left, right, *out, "rgb")
+    else:
+        _resizer((width, height), size).rectify(left, right, *out, "rgb")
     return out
 
 
 @lru_cache(maxsize=16)
-def _stage(frame: tuple[int, int], size: tuple[int, int]) -> RectifyStage:
-    return RectifyStage(frame, None, size)
+def _resizer(frame: tuple[int, int], size: tuple[int, int]) -> _core.Rectifier:
+    """Return the frame path's rectifier for frames that are rectified already: it only resizes."""
+    # Any focal length and baseline do: only the change of size is used.
+    rig = StereoCalibration.rectified(focal_px=float(max(frame)), baseline_mm=1.0, size=frame)
+    seen = rig.rectification().scaled(*size)
+    lens = np.zeros(0)
+    left = (rig.model, rig.left_matrix, lens, seen.R1, seen.P1)
+    right = (rig.model, rig.right_matrix, lens, seen.R2, seen.P2)
+    return _core.Rectifier(*frame, *size, left, right, True)
 
 
 def seen_truth(disparity: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
