@@ -14,6 +14,9 @@ from endosdk.errors import EndoError
 VERBS = {
     "predict": "disparity and depth of one stereo pair, as files and a picture",
     "batch": "disparity and depth of every pair of an archive, on one machine or a Ray cluster",
+    "view": "show depth of a video or camera in the browser as it is computed, and measure in it",
+    "run": "record depth of a whole video: lossless maps, a preview, a line on every frame",
+    "replay": "give back the frames and maps of a recording, as files or as a ROS bag",
     "bench": "time a model on this machine, with its error and a rival beside it",
     "evaluate": "score a model on a data set with truth",
     "calibrate": "calibrate a rig from board pictures, or convert a calibration file",

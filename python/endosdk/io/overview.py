@@ -17,7 +17,7 @@ _MARGIN = 12  # px between panels
 _CAPTION = 34  # px above each panel
 _BAR = 96  # px right of each panel, for its scale
 
-_REASON_STYLE = {
+REASON_STYLE = {
     Reason.LOW_CONFIDENCE: ((214, 120, 40), "low confidence"),
     Reason.OCCLUDED: ((150, 80, 190), "occluded"),
     Reason.OUTSIDE_OVERLAP: ((60, 120, 200), "outside overlap"),
@@ -27,12 +27,15 @@ _REASON_STYLE = {
 
 
 def colour_map(values: npt.NDArray[np.floating], low: float, high: float) -> Picture:
-    """Colour a map [H, W] with Turbo between ``low`` and ``high``; NaN is gray. RGB uint8 [H, W, 3]."""
+    """Colour a map [H, W] with Viridis between ``low`` and ``high``; NaN is gray. RGB uint8 [H, W, 3].
+
+    Viridis is perceptual: equal steps look equal, brighter is more, and it can be told apart without red and green.
+    """
     import cv2
 
     span = max(high - low, 1e-9)
     levels = np.nan_to_num(np.clip((values - low) / span, 0, 1) * 255).astype(np.uint8)
-    coloured = cv2.cvtColor(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO), cv2.COLOR_BGR2RGB)
+    coloured = cv2.cvtColor(cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
     coloured[~np.isfinite(values)] = _NO_ANSWER
     return np.asarray(coloured, dtype=np.uint8)
 
@@ -64,6 +67,15 @@ def overview(left: Picture, result: DepthResult) -> Picture:
     return np.ascontiguousarray(np.vstack(rows))
 
 
+def preview(left: Picture, result: DepthResult, low: float, high: float) -> Picture:
+    """Left view and depth (or disparity) beside it with its scale from ``low`` to ``high``. RGB uint8, even sides."""
+    values = result.depth_map if result.depth_map is not None else result.disparity
+    shown = np.where(result.reasons == 0, values, np.nan)
+    picture = np.hstack([left, colour_map(shown, low, high), _scale(left.shape[0], low, high)])
+    height, width = picture.shape[:2]
+    return np.ascontiguousarray(np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge"))
+
+
 def error_overview(left: Picture, disparity: Map, truth: Map, caption: str) -> Picture:
     """Four panels: left view, answer, truth, and the error where both are known; disparities [H, W] in px. RGB uint8.
 
@@ -85,13 +97,13 @@ def error_overview(left: Picture, disparity: Map, truth: Map, caption: str) -> P
 
 def _reasons(reasons: npt.NDArray[np.uint8]) -> Picture:
     picture = np.full((*reasons.shape, 3), _PAPER, np.uint8)
-    for reason, (colour, _) in _REASON_STYLE.items():
+    for reason, (colour, _) in REASON_STYLE.items():
         picture[(reasons & reason.value) != 0] = colour
-    present = [r for r in _REASON_STYLE if np.any(reasons & r.value)]
+    present = [r for r in REASON_STYLE if np.any(reasons & r.value)]
     scale = max(0.5, reasons.shape[0] / 900)
     picture[: int((len(present) + 0.5) * 34 * scale), : int(270 * scale)] = _PAPER
     for row, reason in enumerate(present):
-        colour, label = _REASON_STYLE[reason]
+        colour, label = REASON_STYLE[reason]
         share = 100 * float(np.mean((reasons & reason.value) != 0))
         y = int((row + 1) * 34 * scale)
         _text(picture, f"{label} {share:.1f} %", (14 + int(30 * scale), y), scale)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument
+from endosdk.live.recording.recording import Recording, is_recording
+from endosdk.live.sources.bag import Bag, is_bag
 from endosdk.live.sources.base import Source, SourceOptions
 from endosdk.live.sources.newest import Newest
 
@@ -50,10 +52,14 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
         from endosdk.live.sources.camera import Camera
 
         return Camera(word, options)
+    if path.exists() and is_bag(path):
+        return Bag(path)
     if path.is_dir():
-        return _opened_folder(path, options)
+        return Recording(path) if is_recording(path) else _opened_folder(path, options)
     if not path.is_file():
         raise InvalidArgument("source", RULE, repr(word))
+    if is_recording(path):
+        return Recording(path)
     from endosdk.live.sources.video import VideoFile
 
     return VideoFile(path, options)

@@ -1,0 +1,56 @@
+"""``endosdk replay``: the very frames of a recording, as pictures, or all of it as one file for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from endosdk.live.recording.recording import Recording
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("recording", type=Path, help="folder that endosdk run wrote")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="folder for left, right and depth as pictures, or FILE.mkv, FILE.mcap, FILE.bag (ROS 1), FOLDER.ros2",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the files."""
+    from endosdk.errors import InvalidArgument
+    from endosdk.live.recording.record import FILES, export
+    from endosdk.live.recording.recording import Recording
+
+    if args.out.exists():
+        raise InvalidArgument("out", "must not exist yet", args.out)
+    recording = Recording(args.recording)
+    if args.out.suffix.lower() in (*FILES, ".ros2"):
+        export(recording, args.out)
+    else:
+        _write_pictures(recording, args.out)
+    print(f"written    {args.out}: {recording.count} frames")
+    return 0
+
+
+def _write_pictures(recording: Recording, out: Path) -> None:
+    """Write PNG pictures named by the number of their frame; depth in 0.1 mm, 16 bits, 0 where there is none."""
+    from endosdk.io.pictures import write_picture
+
+    name, step = recording.settings["map"]["name"], recording.settings["map"]["step"]
+    for folder in ("left", "right", name):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for line, values in recording.maps():
+        levels = np.rint(np.nan_to_num(values) / step).astype(np.uint16)
+        write_picture(out / name / f"{line['number']:06d}.png", levels)
+    if recording.settings["pictures"]:
+        for frame in recording:
+            write_picture(out / "left" / f"{frame.number:06d}.png", frame.left)
+            write_picture(out / "right" / f"{frame.number:06d}.png", frame.right)

@@ -1,0 +1,96 @@
+"""Record the depth of a whole source: a folder, one Matroska file, one MCAP file or a ROS bag."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from endosdk.errors import InvalidArgument
+from endosdk.io.whole_files import PARTIAL
+from endosdk.jobs.progress import show_progress
+from endosdk.live.answers import answers
+from endosdk.live.recording.recorder import LINES, RECORD, Recorder, lines_of
+from endosdk.live.recording.recording import TRACKS, Recording, files_of
+from endosdk.live.recording.video_files import mux
+from endosdk.live.sources.base import Source
+from endosdk.runtime.estimator import DepthEstimator
+
+UNFINISHED = ".unfinished"  # added to a file's name: the folder that it is made of
+FILES = (".mkv", ".mcap", ".bag")
+
+
+def record(
+    source: Source, estimator: DepthEstimator, out: Path, *, pictures: bool = True, most: int | None = None
+) -> dict[str, Any]:
+    """Record until the source ends, or after ``most`` frames; return counts of each status and of what went wrong.
+
+    ``out`` is a folder, or a file that ends in one of `FILES`. What was begun there and stopped goes on. A source that
+    is live cannot be continued. Raises InvalidArgument, StorageFailed, SourceFailed; what was written stays.
+    """
+    is_file = out.suffix.lower() in FILES
+    if is_file and out.exists():
+        raise InvalidArgument("out", "must not exist yet", out)
+    folder = out.with_name(out.name + UNFINISHED) if is_file else out
+    recorder = Recorder(folder, estimator, source, pictures=pictures)
+    if recorder.frames and not recorder.complete and source.live:
+        raise InvalidArgument("out", "must be new: a live source cannot be continued", out)
+    if not recorder.complete:
+        _fill(recorder, source, estimator, most)
+    lines = [json.loads(line) for line in lines_of(folder)]
+    if is_file:
+        export(Recording(folder), out)
+        shutil.rmtree(folder)
+    return {
+        "frames": len(lines),
+        "status": dict(Counter(line["status"] for line in lines)),
+        "faults": [f"frame {line['number']}: {line['fault']}" for line in lines if line["fault"]],
+        "dropped": source.dropped,
+    }
+
+
+def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: int | None) -> None:
+    started, done = time.monotonic(), 0
+    total = most if source.count is None else min(source.count, most or source.count)
+    left = None if total is None else total - recorder.frames
+    try:
+        for frame, result in answers(estimator, source.frames(recorder.next_number), reuse=True):
+            recorder.add(frame, result)
+            done += 1
+            if left is not None and left >= done:
+                show_progress(done, left, time.monotonic() - started)
+            if done == left:
+                break
+    except BaseException:
+        recorder.stop()  # nothing is lost: the same command goes on after it
+        raise
+    recorder.close()
+
+
+def export(recording: Recording, out: Path) -> None:
+    """Write a recording as one Matroska file, one MCAP file, a ROS 1 bag (``.bag``) or a ROS 2 bag (a folder)."""
+    partial = out.with_name(f"{PARTIAL}{out.name}")
+    if partial.is_dir():
+        shutil.rmtree(partial)
+    partial.unlink(missing_ok=True)
+    if out.suffix.lower() == ".mkv":
+        _write_matroska(recording, partial)
+    else:
+        from endosdk.live.recording.bags import write_bag
+
+        write_bag(recording, partial, out.suffix.lower())
+    partial.rename(out)
+
+
+def _write_matroska(recording: Recording, out: Path) -> None:
+    """One file with the tracks preview, depth and pair; the record and the lines are attached to it."""
+    folder = Path(recording.word)
+    kinds = TRACKS if recording.settings["pictures"] else TRACKS[:2]
+    attachments = {
+        RECORD: (folder / RECORD).read_bytes(),
+        LINES: ("\n".join(lines_of(folder)) + "\n").encode(),
+    }
+    mux({kind: files_of(folder, kind) for kind in kinds}, out, "matroska", attachments)

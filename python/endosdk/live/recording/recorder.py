@@ -1,0 +1,212 @@
+"""Writes a recording: a folder of parts, each whole or not there, that become one file of each kind in the end.
+
+So what was written stays readable when the disk is full or the power fails, and the same command goes on from there.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.overview import preview, robust_range
+from endosdk.io.whole_files import remove_partials, whole_folder, write_text
+from endosdk.live.frames import Frame
+from endosdk.live.recording.maps import STEPS, described, shares_of, to_levels
+from endosdk.live.recording.video_files import VideoWriter, join
+from endosdk.live.sources.base import DEFAULT_RATE, Source
+from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.result import DepthResult
+
+FORMAT_VERSION = 1
+RECORD = "recording.json"
+LINES = "frames.jsonl"
+PARTS = "parts"
+PART_FRAMES = 100
+
+
+class Recorder:
+    """Takes answers one after the other. ``out`` is the folder; what was begun there with the same settings goes on.
+
+    ``pictures`` keeps the frames themselves too, lossless, so that `Recording` gives them back. ``next_number`` is the
+    number of the first frame that is missing. Raises InvalidArgument where ``out`` holds something else, StorageFailed.
+    """
+
+    def __init__(self, out: Path, estimator: DepthEstimator, source: Source, *, pictures: bool = True) -> None:
+        self.out = out
+        self._estimator = estimator
+        self._settings = settings_of(estimator, source, pictures)
+        self._pictures = pictures
+        self._part = ExitStack()
+        self._writers: dict[str, VideoWriter] = {}
+        self._lines: list[str] = []
+        self._record = _claimed(out, self._settings)
+        done = [json.loads(line) for line in lines_of(out)]
+        self.next_number = done[-1]["number"] + 1 if done else 0
+        self._count = len(list((out / PARTS).iterdir())) if (out / PARTS).is_dir() else 0
+        self.frames = len(done)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the recording was closed: there is nothing to add."""
+        return bool(self._record["complete"])
+
+    def add(self, frame: Frame, result: DepthResult) -> None:
+        """Append one answer. Raises StorageFailed; the parts before it stay."""
+        try:
+            if not self._writers:
+                self._begin_part(frame, result)
+            self._write(frame, result)
+            if len(self._lines) == PART_FRAMES:
+                self._end_part()
+        except BaseException as error:
+            self._abandon(error)
+            raise
+
+    def close(self) -> None:
+        """Finish the part in work and join all parts into one file of each kind."""
+        self._end_part()
+        if not self.complete and self.frames:
+            self._join()
+
+    def stop(self) -> None:
+        """Finish the part in work; the recording can be continued."""
+        self._end_part()
+
+    def _begin_part(self, frame: Frame, result: DepthResult) -> None:
+        if self._record["begun_ns"] is None:
+            known = result.disparity if result.depth_map is None else result.depth_map
+            self._record["begun_ns"] = frame.stamp_ns
+            self._record["preview_range"] = robust_range(np.where(result.reasons == 0, known, np.nan))
+            self._save()
+        self._part = ExitStack()
+        folder = self._part.enter_context(whole_folder(self.out / PARTS / f"{self._count:06d}", self.out))
+        kinds = ["depth", "preview", *(["pair"] if self._pictures else [])]
+        self._folder = folder
+        self._writers = {kind: VideoWriter(folder / f"{kind}.mkv", kind, DEFAULT_RATE) for kind in kinds}
+        self._lines = []
+
+    def _write(self, frame: Frame, result: DepthResult) -> None:
+        stamp = frame.stamp_ns - self._record["begun_ns"]
+        left, _ = self._estimator.rectify(frame.left, frame.right)
+        low, high = self._record["preview_range"]
+        self._writers["depth"].add(to_levels(result), stamp)
+        self._writers["preview"].add(preview(left, result, low, high), stamp)
+        if self._pictures:
+            self._writers["pair"].add(np.hstack([frame.left, frame.right]), stamp)
+        self._lines.append(json.dumps(line_of(frame, result)))
+
+    def _end_part(self) -> None:
+        if not self._writers:
+            return
+        writers, self._writers = self._writers, {}
+        try:
+            for writer in writers.values():
+                writer.close()
+            (self._folder / LINES).write_text("\n".join(self._lines) + "\n")
+        except BaseException as error:
+            self._abandon(error)
+            raise
+        self._part.close()
+        self.frames += len(self._lines)
+        self._count += 1
+
+    def _abandon(self, error: BaseException) -> None:
+        """Remove the part that is not whole."""
+        self._writers = {}
+        with suppress(StorageFailed):  # the error that is told is the first one
+            self._part.__exit__(type(error), error, error.__traceback__)
+
+    def _join(self) -> None:
+        parts = sorted((self.out / PARTS).iterdir())
+        for kind in ("depth", "preview", *(["pair"] if self._pictures else [])):
+            ending, container = (".mp4", "mp4") if kind == "preview" else (".mkv", "matroska")
+            join([part / f"{kind}.mkv" for part in parts], self.out / f"{kind}{ending}", container)
+        write_text(self.out / LINES, "\n".join(lines_of(self.out)) + "\n", "out")
+        self._record["complete"] = True
+        self._save()
+        shutil.rmtree(self.out / PARTS)
+
+    def _save(self) -> None:
+        write_text(self.out / RECORD, json.dumps(self._record, indent=1) + "\n", "out")
+
+
+def settings_of(estimator: DepthEstimator, source: Source, pictures: bool) -> dict[str, Any]:
+    """Return what a recording depends on."""
+    rig, model = estimator.calibration, estimator.model
+    quantity = "disparity" if rig is None else "depth"
+    return {
+        "source": source.word,
+        "clock": source.clock,
+        "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
+        "calibration": None if rig is None else rig.content(),
+        "map": {"name": quantity, "unit": "px" if rig is None else "mm", "step": STEPS[quantity]},
+        "pictures": pictures,
+    }
+
+
+def line_of(frame: Frame, result: DepthResult) -> dict[str, Any]:
+    """Return the line on one frame. A tag that is no JSON is told in words."""
+    times = result.timings
+    return {
+        "number": frame.number,
+        "stamp_ns": frame.stamp_ns,
+        "tag": frame.tag if _is_json(frame.tag) else repr(frame.tag),
+        "fault": frame.fault,
+        "status": result.status.name,
+        "causes": [str(getattr(cause, "name", cause)) for cause in getattr(result, "causes", ())],
+        "valid_share": round(result.valid_share, 5),
+        "reasons": {name: round(share, 5) for name, share in shares_of(result.reasons).items()},
+        **described(result),
+        "milliseconds": {
+            "rectify": round(times.rectify_ms, 3),
+            "session": round(times.session_ms, 3),
+            "postprocess": round(times.postprocess_ms, 3),
+        },
+    }
+
+
+def lines_of(out: Path) -> list[str]:
+    """Return the lines of a recording, finished or not."""
+    if (out / LINES).is_file():
+        return (out / LINES).read_text().splitlines()
+    return [line for part in sorted((out / PARTS).glob("*")) for line in (part / LINES).read_text().splitlines()]
+
+
+def _claimed(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of a new folder, or of one that was begun with these settings."""
+    fresh = {
+        "format_version": FORMAT_VERSION, "settings": settings, "begun_ns": None, "preview_range": None,
+        "complete": False,
+    }  # fmt: skip
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if (out / RECORD).is_file():
+            record: dict[str, Any] = json.loads((out / RECORD).read_text())
+            if record.get("format_version") != FORMAT_VERSION or record.get("settings") != settings:
+                rule = "must be new, or a recording of the same source, model and rig, begun by this version"
+                raise InvalidArgument("out", rule, out)
+            remove_partials(out)
+            return record
+        if any(out.iterdir()):
+            raise InvalidArgument("out", "must be an empty or new folder, or a recording begun there", out)
+        (out / PARTS).mkdir()
+        write_text(out / RECORD, json.dumps(fresh, indent=1) + "\n", "out")
+    except (OSError, ValueError) as error:
+        if isinstance(error, InvalidArgument | StorageFailed):
+            raise
+        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+    return fresh
+
+
+def _is_json(tag: object) -> bool:
+    try:
+        json.dumps(tag)
+    except (TypeError, ValueError):
+        return False
+    return True

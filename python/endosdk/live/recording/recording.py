@@ -1,0 +1,125 @@
+"""Reads a recording: the very frames it was made of, their depth, and the line on each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.live.frames import Frame
+from endosdk.live.recording.maps import from_levels
+from endosdk.live.recording.recorder import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of
+from endosdk.live.sources.base import Source, log
+from endosdk.live.sources.decoder import load_av
+from endosdk.live.sources.views import split
+
+Map = npt.NDArray[np.float32]
+TRACKS = ("preview", "depth", "pair")  # of a recording in one Matroska file: players show the first
+
+
+class Recording(Source):
+    """A recording of ``endosdk run``, a folder or a Matroska file, as a source.
+
+    Frames, numbers, stamps and tags are as they came. One that was not finished gives what is there. ``lines`` has one
+    entry a frame, ``calibration`` is the rig.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        try:
+            text, lines = _attached(path) if path.is_file() else ((path / RECORD).read_text(), lines_of(path))
+            record = json.loads(text)
+            if record["format_version"] != FORMAT_VERSION:
+                raise InvalidArgument("source", f"must be a recording of format {FORMAT_VERSION}", path)
+            self.lines: list[dict[str, Any]] = [json.loads(line) for line in lines]
+            self.settings: dict[str, Any] = record["settings"]
+        except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
+            raise SourceFailed("source", "must be a whole recording", f"{path}: {error!r}") from error
+        self._path = path
+        self.count = len(self.lines)
+        self.clock = self.settings["clock"]
+        if not record["complete"]:
+            log.warning("%s: was not finished; %d frames are there", path, self.count)
+
+    @property
+    def calibration(self) -> StereoCalibration | None:
+        """The rig that the depth was computed with; None where there was none."""
+        content = self.settings["calibration"]
+        return None if content is None else _rig(content)
+
+    def maps(self) -> Iterator[tuple[dict[str, Any], Map]]:
+        """Yield the line on every frame and its map, float32 [H, W]: depth in mm, or disparity in px without a rig."""
+        step = self.settings["map"]["step"]
+        for line, levels in zip(self.lines, self._pictures("depth", "gray16le"), strict=True):
+            yield line, from_levels(levels, step)
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield the frames whose number is ``start`` or more, exactly as they were recorded."""
+        return self._read(start)
+
+    def _read(self, start: int) -> Iterator[Frame]:
+        if not self.settings["pictures"]:
+            raise SourceFailed("source", "must hold pictures: it was recorded without them", self.word)
+        for line, pair in zip(self.lines, self._pictures("pair", "rgb24"), strict=True):
+            if line["number"] >= start:
+                left, right = split(pair, "side-by-side")
+                yield Frame(left, right, line["number"], line["stamp_ns"], line["tag"], line["fault"])
+
+    def _pictures(self, kind: str, pixels: str) -> Iterator[Any]:
+        av = load_av()
+        for path in files_of(self._path, kind):
+            try:
+                with av.open(str(path)) as file:
+                    for frame in file.decode(video=TRACKS.index(kind) if self._path.is_file() else 0):
+                        yield frame.to_ndarray(format=pixels)
+            except (av.FFmpegError, OSError) as error:
+                raise SourceFailed("source", "a file of the recording is damaged", f"{path}: {error}") from error
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a path is a folder or a Matroska file that ``endosdk run`` wrote."""
+    if path.suffix.lower() == ".mkv" and path.is_file():
+        av = load_av()
+        try:
+            with av.open(str(path)) as file:
+                return any(stream.metadata.get("filename") == RECORD for stream in file.streams.attachments)
+        except av.FFmpegError:
+            return False
+    return (path / RECORD).is_file()
+
+
+def _attached(path: Path) -> tuple[str, list[str]]:
+    """Return the record and the lines that are attached to a Matroska file."""
+    with load_av().open(str(path)) as file:
+        found = {stream.metadata["filename"]: bytes(stream.data).decode() for stream in file.streams.attachments}
+    return found[RECORD], found[LINES].splitlines()
+
+
+def files_of(path: Path, kind: str) -> list[Path]:
+    """Return the video files of one kind, in order: one, or one of each part."""
+    if path.is_file():
+        return [path]
+    if (path / PARTS).is_dir():
+        return [part / f"{kind}.mkv" for part in sorted((path / PARTS).iterdir())]
+    return [path / ("preview.mp4" if kind == "preview" else f"{kind}.mkv")]
+
+
+def _rig(content: dict[str, Any]) -> StereoCalibration:
+    left, right = content["left"], content["right"]
+    return StereoCalibration(
+        content["width"],
+        content["height"],
+        np.array(left["matrix"]),
+        np.array(right["matrix"]),
+        np.array(left["distortion"]),
+        np.array(right["distortion"]),
+        np.array(content["rotation"]),
+        np.array(content["translation"]),
+        content["model"],
+    )

@@ -1,0 +1,108 @@
+"""ROS 1 and ROS 2 bags and MCAP files as sources: two topics of pictures that belong together by their time stamps."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endosdk.errors import DependencyMissing, InvalidArgument, SourceFailed
+from endosdk.live.frames import Frame, Picture
+from endosdk.live.sources.base import Clock, Source
+
+RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
+MOST_APART_NS = 5_000_000  # of two pictures taken together
+MOST_WAITING = 50  # pictures of one side that the other has not answered
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag that this reads."""
+    return path.suffix.lower() in (".bag", ".mcap") or (path / "metadata.yaml").is_file()
+
+
+class Bag(Source):
+    """The one topic with ``left`` in its name and the one with ``right``, raw or compressed pictures of 8 bits."""
+
+    clock: Clock = "wall"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        with self._reader() as reader:
+            left, right = (self._topic(reader, side) for side in ("left", "right"))
+            self.count = min(left.msgcount, right.msgcount)
+        self._topics = {left.topic: 0, right.topic: 1}
+
+    def _reader(self) -> Any:
+        try:
+            from rosbags.highlevel import AnyReader, AnyReaderError
+            from rosbags.rosbag2 import ReaderError
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise DependencyMissing("source", "bags need rosbags: pip install 'endosdk[live]'", error) from error
+        try:
+            reader = AnyReader([Path(self.word)], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+            reader.open()
+        except (AnyReaderError, ReaderError, OSError, ValueError, AssertionError) as error:
+            raise SourceFailed("source", "must be a bag that can be read", f"{self.word}: {error}") from error
+        reader.close()
+        return AnyReader([Path(self.word)], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+
+    def _topic(self, reader: Any, side: str) -> Any:
+        pictures = [each for each in reader.connections if each.msgtype in (RAW, COMPRESSED)]
+        found = [each for each in pictures if side in each.topic.lower()]
+        if len(found) != 1:
+            topics = ", ".join(each.topic for each in pictures) or "no pictures"
+            raise InvalidArgument("source", f"must hold one topic of pictures with {side} in its name", topics)
+        return found[0]
+
+    def _read(self, start: int) -> Iterator[Frame]:
+        number = 0
+        with self._reader() as reader:
+            wanted = [each for each in reader.connections if each.topic in self._topics]
+            waiting: tuple[deque[tuple[int, Picture]], ...] = deque(), deque()
+            for connection, received, data in reader.messages(wanted):
+                message = reader.deserialize(data, connection.msgtype)
+                stamp = message.header.stamp
+                at = stamp.sec * 10**9 + stamp.nanosec or received
+                waiting[self._topics[connection.topic]].append((at, _picture(message, connection.topic)))
+                for left, right in self._together(*waiting):
+                    if number >= start:
+                        yield Frame(left[1], right[1], number, left[0])
+                    number += 1
+
+    def _together(
+        self, left: deque[tuple[int, Picture]], right: deque[tuple[int, Picture]]
+    ) -> Iterator[tuple[tuple[int, Picture], tuple[int, Picture]]]:
+        """Take the pairs out of what waits; a picture whose partner never comes is told."""
+        while left and right:
+            apart = left[0][0] - right[0][0]
+            if abs(apart) <= MOST_APART_NS:
+                yield left.popleft(), right.popleft()
+            else:
+                at, _ = (left if apart < 0 else right).popleft()
+                self.dropped += 1
+                self.note(f"the {'left' if apart < 0 else 'right'} picture of {at} ns has no partner")
+        if max(len(left), len(right)) > MOST_WAITING:
+            raise SourceFailed("source", "both topics must go on", f"{MOST_WAITING} pictures of one side alone")
+
+
+def _picture(message: Any, topic: str) -> Picture:
+    import cv2
+
+    if hasattr(message, "format"):
+        picture = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_COLOR)
+        if picture is None:
+            raise SourceFailed("source", "must hold pictures that OpenCV can read", topic)
+        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    if message.encoding not in CHANNELS:
+        raise InvalidArgument("source", f"pictures must be one of {', '.join(CHANNELS)}", message.encoding)
+    channels = CHANNELS[message.encoding]
+    rows = np.asarray(message.data).reshape(message.height, message.step)
+    picture = rows[:, : message.width * channels].reshape(message.height, message.width, channels)[..., :3]
+    if channels == 1:
+        picture = np.repeat(picture, 3, axis=2)
+    return np.ascontiguousarray(picture[..., ::-1] if message.encoding.startswith("bgr") else picture)

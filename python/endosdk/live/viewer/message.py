@@ -1,0 +1,81 @@
+"""One answer as one message for the page: facts as JSON, then the left picture, the map and the reasons.
+
+A message is the length of the JSON in 4 bytes, little-endian, the JSON, and the parts whose lengths it states: a JPEG
+of the rectified left view, the map as uint16 (0 where there is no value) and the reasons as uint8, both thinned out.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from endosdk.io.overview import robust_range
+from endosdk.live.frames import Picture
+from endosdk.live.recording.maps import shares_of
+from endosdk.live.viewer.player import Shown
+from endosdk.runtime.result import DepthResult
+
+WIDEST_MAP = 480  # px that the page is sent of a map
+WIDEST_PICTURE = 960
+JPEG_QUALITY = 85
+
+
+def quantity_of(result: DepthResult) -> tuple[str, str, float]:
+    """Return name and unit of the map that is shown, and how much one step of its uint16 is."""
+    return ("depth", "mm", 0.1) if result.depth_map is not None else ("disparity", "px", 1 / 64)
+
+
+def encoded(shown: Shown, left: Picture, state: dict[str, Any]) -> bytes:
+    """Return the message for one answer; ``state`` is added to its facts."""
+    import cv2
+
+    result = shown.result
+    name, unit, step = quantity_of(result)
+    values = result.depth_map if result.depth_map is not None else result.disparity
+    thin = -(-values.shape[1] // WIDEST_MAP)
+    values, reasons = values[::thin, ::thin], np.ascontiguousarray(result.reasons[::thin, ::thin])
+    known = reasons == 0
+    levels = np.where(known, np.clip(np.nan_to_num(values) / step, 1, 65535), 0).astype("<u2")
+    smaller = -(-left.shape[1] // WIDEST_PICTURE)
+    picture = cv2.cvtColor(np.ascontiguousarray(left[::smaller, ::smaller]), cv2.COLOR_RGB2BGR)
+    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    low, high = robust_range(np.where(known, values, np.nan))
+    facts = {
+        **described(shown),
+        "map": {"name": name, "unit": unit, "step": step, "low": low, "high": high},
+        "size": [int(result.disparity.shape[1]), int(result.disparity.shape[0])],
+        "thin": thin,
+        "columns": int(levels.shape[1]),
+        "rows": int(levels.shape[0]),
+        "parts": [len(jpeg), levels.nbytes, reasons.nbytes],
+        "camera": _camera(result),
+        **state,
+    }
+    head = json.dumps(facts, allow_nan=False).encode()
+    return struct.pack("<I", len(head)) + head + jpeg.tobytes() + levels.tobytes() + reasons.tobytes()
+
+
+def described(shown: Shown) -> dict[str, Any]:
+    """Return what one line says of an answer."""
+    result, times = shown.result, shown.result.timings
+    return {
+        "number": shown.frame.number,
+        "stamp_ns": shown.frame.stamp_ns,
+        "turn": shown.turn,
+        "fault": shown.frame.fault,
+        "status": result.status.name,
+        "causes": [str(getattr(cause, "name", cause)) for cause in getattr(result, "causes", ())],
+        "valid_share": result.valid_share,
+        "reasons": shares_of(result.reasons),
+        "milliseconds": {"rectify": times.rectify_ms, "session": times.session_ms, "postprocess": times.postprocess_ms},
+        "delay_ms": shown.delay_ms,
+        "frames_per_second": shown.frames_per_second,
+    }
+
+
+def _camera(result: DepthResult) -> dict[str, float] | None:
+    g = result.geometry
+    return None if g is None else {"fx": g.focal_px, "fy": g.focal_y_px, "cx": g.cx, "cy": g.cy}

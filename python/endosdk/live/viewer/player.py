@@ -1,0 +1,171 @@
+"""Plays a source through an estimator on a thread of its own; may be paused, stepped and recorded."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from endosdk.errors import EndoError, InvalidArgument
+from endosdk.live.answers import answers
+from endosdk.live.frames import Frame, Picture
+from endosdk.live.recording.recorder import Recorder
+from endosdk.live.sources.base import Source
+from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.result import DepthResult
+
+RATE_WINDOW = 20  # frames whose times give the rate
+CLOSING_PATIENCE_S = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """The latest answer."""
+
+    frame: Frame
+    result: DepthResult
+    turn: int  # counts answers, those after a restart too
+    delay_ms: float  # from drawing the frame to its answer
+    frames_per_second: float
+
+
+class Player:
+    """Computes depth of ``source`` as fast as it comes: a file no faster than it was taken.
+
+    `latest` is the newest answer. ``error`` is what ended the source, ``ended`` says that it has no more frames.
+    """
+
+    def __init__(self, estimator: DepthEstimator, source: Source, *, playing: bool = True) -> None:
+        self.estimator = estimator
+        self.source = source
+        self.latest: Shown | None = None
+        self.error: EndoError | None = None
+        self.ended = False
+        self._change = threading.Condition()  # guards everything below
+        self._playing = playing
+        self._steps = 0
+        self._begun = False
+        self._closed = False
+        self._restart = False
+        self._recorder: Recorder | None = None
+        self._drawn: dict[int, float] = {}  # when a frame in work was drawn
+        self._done: deque[float] = deque(maxlen=RATE_WINDOW)
+        self._thread = threading.Thread(target=self._play, name="endosdk-player", daemon=True)
+
+    def start(self) -> None:
+        """Begin, if that was not done before."""
+        with self._change:
+            if not self._begun:
+                self._begun = True
+                self._thread.start()
+
+    @property
+    def playing(self) -> bool:
+        """Whether frames are drawn without being asked for one by one."""
+        return self._playing
+
+    @property
+    def recording(self) -> Path | None:
+        """Where the answers are being recorded, None where they are not."""
+        recorder = self._recorder
+        return None if recorder is None else recorder.out
+
+    def play(self) -> None:
+        """Go on."""
+        self._set(playing=True)
+
+    def pause(self) -> None:
+        """Draw no further frame. Those in work are finished."""
+        self._set(playing=False)
+
+    def step(self) -> None:
+        """Pause, and draw one more frame."""
+        with self._change:
+            self._steps += 1
+        self._set(playing=False)
+
+    def restart(self) -> None:
+        """Begin again at the first frame, where the source can."""
+        with self._change:
+            self._restart = True
+        self._set(playing=True)
+
+    def record(self, out: Path | None) -> None:
+        """Record every answer from now on into a new folder; None ends it. Raises what `Recorder` raises."""
+        recorder = None
+        if out is not None:
+            if out.exists():
+                raise InvalidArgument("out", "must not exist yet", out)
+            recorder = Recorder(out, self.estimator, self.source)
+        with self._change:
+            self._recorder, before = recorder, self._recorder
+        if before is not None:
+            before.close()
+
+    def close(self) -> None:
+        """End the thread, the recording and the source."""
+        with self._change:
+            self._closed = True
+            self._change.notify_all()
+        if self._begun:
+            self._thread.join(CLOSING_PATIENCE_S)
+        self.record(None)
+        self.source.close()
+
+    def left_view(self, shown: Shown) -> tuple[Picture, Picture]:
+        """Return both views of an answer, rectified: what its maps belong to."""
+        return self.estimator.rectify(shown.frame.left, shown.frame.right)
+
+    def _set(self, playing: bool) -> None:
+        with self._change:
+            self._playing = playing
+            self._done.clear()  # the time of a pause is no rate
+            self._change.notify_all()
+
+    def _play(self) -> None:
+        turn = 0
+        while not self._closed:
+            self.ended, self._restart = False, False
+            try:
+                for frame, result in answers(self.estimator, self._gated()):
+                    turn += 1
+                    self._show(frame, result, turn)
+            except EndoError as error:
+                self.error = error
+            self.ended = True
+            with self._change:
+                self._change.wait_for(lambda: self._restart or self._closed)
+
+    def _show(self, frame: Frame, result: DepthResult, turn: int) -> None:
+        now = time.perf_counter()
+        self._done.append(now)
+        span = self._done[-1] - self._done[0]
+        rate = (len(self._done) - 1) / span if span > 0 else 0.0
+        delay = 1e3 * (now - self._drawn.pop(frame.number, now))
+        self.latest = Shown(frame, result, turn, delay, rate)
+        with self._change:
+            recorder = self._recorder
+        if recorder is not None:
+            recorder.add(frame, result)
+
+    def _gated(self) -> Iterator[Frame]:
+        """Yield the frames of the source when it is their time."""
+        started: tuple[float, int] | None = None  # clock and stamp that belong together
+        for frame in self.source:
+            with self._change:
+                waited = not (self._playing or self._steps)
+                self._change.wait_for(lambda: self._playing or self._steps or self._closed or self._restart)
+                if self._closed or self._restart:
+                    return
+                stepped = self._steps > 0
+                self._steps = max(0, self._steps - 1)
+                if started is None or waited or stepped:
+                    started = time.perf_counter(), frame.stamp_ns
+                early = started[0] + (frame.stamp_ns - started[1]) / 1e9 - time.perf_counter()
+                if not self.source.live and early > 0:
+                    self._change.wait_for(lambda: self._closed or self._restart, early)
+            self._drawn[frame.number] = time.perf_counter()
+            yield frame

@@ -1,0 +1,213 @@
+"""What is recorded comes back: the very frames, the maps to their step, and what bags and MCAP files hold of them."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+
+import av
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+import endosdk
+from endosdk import DepthEstimator, StereoCalibration
+from endosdk.cli import main
+from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.live.recording.record import record
+from endosdk.live.recording.recording import Recording
+from tests.conftest import TINY_MODEL
+from tests.live.videos import side_by_side, views, write
+
+COUNT = 8
+PAIRS = views(COUNT, 64, 96)
+RIG = StereoCalibration.rectified(focal_px=120.0, baseline_mm=5.0, size=(96, 64))
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("video") / "v.mkv", side_by_side(PAIRS), stamps=[0, 1, 2, 4, 5, 6, 7, 9])
+
+
+@pytest.fixture(scope="module")
+def recorded(video, tmp_path_factory):
+    out = tmp_path_factory.mktemp("recorded") / "r"
+    told = record(endosdk.open_source(video).tagged(lambda f: {"arm": f.number}), estimator(), out)
+    assert told["frames"] == COUNT
+    return out
+
+
+def estimator(rig=RIG):
+    return DepthEstimator(str(TINY_MODEL), calibration=rig, threads=1)
+
+
+def check(path):
+    """A recording holds the frames of the video and the depth that `predict` gives for them."""
+    recording = Recording(path)
+    frames = list(endosdk.open_source(path))
+    assert [frame.number for frame in frames] == list(range(COUNT))
+    assert [frame.stamp_ns // 40_000_000 for frame in frames] == [0, 1, 2, 4, 5, 6, 7, 9]
+    for frame, (left, right) in zip(frames, PAIRS, strict=True):
+        assert np.array_equal(frame.left, left)
+        assert np.array_equal(frame.right, right)
+    assert recording.calibration == RIG
+    again = estimator()
+    for (line, depth), (left, right) in zip(recording.maps(), PAIRS, strict=True):
+        wanted = again.predict(left, right)
+        assert line["status"] == wanted.status.name
+        assert np.array_equal(np.isfinite(depth), np.isfinite(wanted.depth))
+        assert np.nanmax(np.abs(depth - wanted.depth)) <= 0.0501  # half a step of 0.1 mm
+    return frames
+
+
+def test_a_recording_gives_back_the_very_frames(recorded):
+    frames = check(recorded)
+    assert [frame.tag for frame in frames] == [{"arm": n} for n in range(COUNT)]
+    assert sorted(path.name for path in recorded.iterdir()) == [
+        "depth.mkv", "frames.jsonl", "pair.mkv", "preview.mp4", "recording.json",
+    ]  # fmt: skip
+
+
+def test_every_frame_has_a_line(recorded):
+    lines = [json.loads(line) for line in (recorded / "frames.jsonl").read_text().splitlines()]
+    assert len(lines) == COUNT
+    for line in lines:
+        assert set(line["reasons"]) == {reason.name for reason in endosdk.Reason}
+        assert line["milliseconds"]["session"] > 0
+        assert 0 < line["valid_share"] <= 1
+
+
+def test_the_preview_can_be_played(recorded):
+    with av.open(str(recorded / "preview.mp4")) as file:
+        assert file.streams.video[0].codec_context.name == "h264"
+        pictures = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+    assert len(pictures) == COUNT
+    assert np.abs(pictures[3][:, :96].astype(int) - PAIRS[3][0]).mean() < 12
+
+
+def test_the_command_records_and_gives_back(video, tmp_path, capsys):
+    RIG.save(tmp_path / "rig.json")
+    words = ["run", str(video), "--model", str(TINY_MODEL), "--calibration", str(tmp_path / "rig.json")]
+    assert main([*words, "--out", str(tmp_path / "f.mkv")]) == 0
+    assert f"frames     {COUNT}" in capsys.readouterr().out
+    check(tmp_path / "f.mkv")
+    assert main(["replay", str(tmp_path / "f.mkv"), "--out", str(tmp_path / "pictures")]) == 0
+    frames = list(endosdk.open_source(tmp_path / "pictures"))
+    assert np.array_equal(frames[5].right, PAIRS[5][1])
+    assert len(list((tmp_path / "pictures" / "depth").iterdir())) == COUNT
+
+
+STOPPED = """
+import os, pathlib, sys
+import endosdk
+from endosdk.live.recording import recorder, record
+recorder.PART_FRAMES = 3
+source = endosdk.open_source(sys.argv[1]).tagged(lambda frame: frame.number < 5 or os._exit(9))
+rig = endosdk.StereoCalibration.load(sys.argv[3])
+estimator = endosdk.DepthEstimator(sys.argv[4], calibration=rig, threads=1)
+record.record(source, estimator, pathlib.Path(sys.argv[2]))
+"""
+
+
+def test_a_recording_that_was_killed_goes_on(video, tmp_path):
+    RIG.save(tmp_path / "rig.json")
+    out = tmp_path / "r"
+    words = [sys.executable, "-c", STOPPED, str(video), str(out), str(tmp_path / "rig.json"), str(TINY_MODEL)]
+    assert subprocess.run(words, check=False).returncode == 9
+    begun = Recording(out)
+    assert begun.count == 3  # the part that was whole
+    assert np.array_equal(next(iter(begun)).left, PAIRS[0][0])
+    record(endosdk.open_source(video), estimator(), out)
+    check(out)
+
+
+def test_a_full_disk_leaves_what_was_written(video, tmp_path):
+    # The limit of the operating system on a file's size stands for the disk.
+    RIG.save(tmp_path / "rig.json")
+    full = "__import__('resource').setrlimit(__import__('resource').RLIMIT_FSIZE, (2000, 2000))"
+    program = STOPPED.replace("os._exit(9)", full)
+    out = tmp_path / "r"
+    words = [sys.executable, "-c", program, str(video), str(out), str(tmp_path / "rig.json"), str(TINY_MODEL)]
+    done = subprocess.run(words, check=False, capture_output=True, text=True)
+    assert "StorageFailed" in done.stderr.splitlines()[-1]
+    assert [frame.number for frame in Recording(out)] == [0, 1, 2]
+    assert not list(out.glob(".partial-*"))
+    record(endosdk.open_source(video), estimator(), out)
+    check(out)
+
+
+def test_other_settings_are_refused(recorded, video):
+    with pytest.raises(InvalidArgument, match="same source, model and rig"):
+        record(endosdk.open_source(video), estimator(None), recorded)
+
+
+def test_what_is_done_is_not_done_again(recorded, video):
+    before = (recorded / "depth.mkv").stat().st_mtime_ns
+    assert record(endosdk.open_source(video), estimator(), recorded)["frames"] == COUNT
+    assert (recorded / "depth.mkv").stat().st_mtime_ns == before
+
+
+def test_without_pictures_and_rig(video, tmp_path):
+    record(endosdk.open_source(video), estimator(None), tmp_path / "r", pictures=False, most=3)
+    recording = Recording(tmp_path / "r")
+    assert recording.settings["map"]["name"] == "disparity"
+    (_, disparity) = next(recording.maps())
+    wanted = estimator(None).predict(*PAIRS[0])
+    assert np.nanmax(np.abs(disparity - np.where(wanted.reasons == 0, wanted.disparity, np.nan))) <= 1 / 128 + 1e-6
+    with pytest.raises(SourceFailed, match="recorded without them"):
+        next(iter(recording))
+
+
+@pytest.mark.parametrize("ending", [".mcap", ".bag", ".ros2"])
+def test_bags_hold_the_messages_of_ros(recorded, tmp_path, ending):
+    out = tmp_path / f"b{ending}"
+    assert main(["replay", str(recorded), "--out", str(out)]) == 0
+    found = {}
+    with AnyReader([out], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        for connection, stamp, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((stamp, message))
+    assert {topic: len(each) for topic, each in found.items()} == dict.fromkeys(found, COUNT)
+    _, depth = next(Recording(recorded).maps())
+    stamp, image = found["/stereo/depth"][0]
+    assert stamp == 0
+    assert image.encoding == "32FC1"
+    metres = np.asarray(image.data).view(np.float32).reshape(64, 96)
+    assert np.allclose(metres, depth / 1000, equal_nan=True)
+    disparity = found["/stereo/disparity"][0][1]
+    f, t = disparity.f, getattr(disparity, "t", None) or disparity.T
+    values = np.asarray(disparity.image.data).view(np.float32).reshape(64, 96)
+    assert np.allclose(f * t / values, metres, equal_nan=True)
+    points = np.asarray(found["/stereo/points"][0][1].data).view(np.float32).reshape(-1, 3)
+    assert len(points) == np.isfinite(metres).sum()
+    assert points[:, 2] == pytest.approx(metres[np.isfinite(metres)])
+    camera = found["/stereo/right/camera_info"][0][1]
+    projection = camera.p if hasattr(camera, "p") else camera.P
+    assert projection[3] == pytest.approx(-120 * 0.005)
+    assert json.loads(found["/stereo/result"][2][1].data)["number"] == 2
+
+
+@pytest.mark.parametrize("ending", [".mcap", ".bag", ".ros2"])
+def test_bags_are_sources(recorded, tmp_path, ending):
+    out = tmp_path / f"b{ending}"
+    main(["replay", str(recorded), "--out", str(out)])
+    source = endosdk.open_source(out)
+    assert source.count == COUNT
+    frames = list(source)
+    assert len(frames) == COUNT
+    for frame, (left, right) in zip(frames, PAIRS, strict=True):
+        assert np.array_equal(frame.left, left)
+        assert np.array_equal(frame.right, right)
+    assert math.isclose(frames[3].stamp_ns, 160_000_000)
+
+
+def test_a_damaged_recording_is_refused(recorded, tmp_path):
+    (tmp_path / "recording.json").write_text("{")
+    with pytest.raises(SourceFailed, match="whole recording"):
+        endosdk.open_source(tmp_path)
+    (tmp_path / "x.mcap").write_bytes(b"no bag")
+    with pytest.raises(SourceFailed, match="bag that can be read"):
+        endosdk.open_source(tmp_path / "x.mcap")

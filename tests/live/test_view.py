@@ -1,0 +1,191 @@
+"""The page of ``endosdk view``: who may have it, and what it shows and measures, in a real browser."""
+
+from __future__ import annotations
+
+import json
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+import endosdk
+from endosdk import DepthEstimator, StereoCalibration
+from endosdk.datasets.dataset import read_disparity
+from endosdk.io.pictures import read_frame
+from endosdk.live.recording.recording import Recording
+from endosdk.live.viewer import Player, Server
+from tests.conftest import ROOT, TINY_MODEL
+from tests.live.browser import Browser
+from tests.live.videos import side_by_side, views, write
+
+DEMO = ROOT / "examples" / "data"
+PAIRS = views(6, 64, 96)
+
+
+@pytest.fixture
+def served(tmp_path):
+    """A small video on a page that nobody has opened yet."""
+    rig = StereoCalibration.rectified(focal_px=120.0, baseline_mm=5.0, size=(96, 64))
+    estimator = DepthEstimator(str(TINY_MODEL), calibration=rig, threads=1)
+    player = Player(estimator, endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(PAIRS))))
+    server = Server(player, recordings=tmp_path)
+    yield server, player
+    server.close()
+    player.close()
+
+
+def fetched(address, **headers):
+    with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10) as answer:
+        return answer.status, dict(answer.headers), answer.read()
+
+
+def refused(address, **headers):
+    with pytest.raises(urllib.error.HTTPError) as error:
+        fetched(address, **headers)
+    with error.value as answer:
+        return answer.code
+
+
+def test_only_who_knows_the_token_gets_the_page(served):
+    server, _ = served
+    status, headers, page = fetched(server.address)
+    assert status == 200
+    assert b"endosdk view" in page
+    assert "default-src 'self'" in headers["Content-Security-Policy"]
+    host = server.address.split("/")[2]
+    assert refused(f"http://{host}/") == 404
+    assert refused(f"http://{host}/wrong/") == 404
+    assert refused(server.address + "../player.py") == 404
+    assert refused(server.address + "player.py") == 404
+    assert refused(server.address, Host="evil.example") == 404
+    assert refused(server.address + "live", Origin="http://evil.example") == 403
+
+
+def test_it_listens_on_the_loopback_address_alone(served):
+    server, _ = served
+    port = int(server.address.split(":")[2].split("/")[0])
+    with open("/proc/net/tcp") as table:  # noqa: PTH123 - no file
+        rows = [line.split() for line in table.readlines()[1:]]
+    bound = [row[1].split(":")[0] for row in rows if int(row[1].split(":")[1], 16) == port and row[3] == "0A"]
+    assert bound == ["0100007F"]
+
+
+def test_the_page_asks_nothing_of_others():
+    folder = ROOT / "python" / "endosdk" / "live" / "viewer" / "page"
+    for path in folder.iterdir():
+        assert "http://" not in path.read_text().replace("ws://", "")
+        assert "https://" not in path.read_text()
+
+
+def until(true, seconds=20):
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_the_player_pauses_steps_restarts_and_records(tmp_path):
+    estimator = DepthEstimator(str(TINY_MODEL), threads=1)
+    source = endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(PAIRS)))
+    player = Player(estimator, source, playing=False)
+    player.start()
+    time.sleep(0.1)
+    assert player.latest is None
+    player.step()
+    until(lambda: player.latest is not None)
+    player.step()
+    until(lambda: player.latest.frame.number == 1)
+    player.record(tmp_path / "r")
+    player.play()
+    until(lambda: player.ended)
+    assert player.latest.frame.number == 5
+    turn = player.latest.turn
+    player.restart()
+    until(lambda: player.ended and player.latest.turn == turn + 6)
+    player.close()
+    assert [line["number"] for line in Recording(tmp_path / "r").lines][:4] == [2, 3, 4, 5]
+
+
+@pytest.mark.slow
+def test_a_click_measures_what_is_there(tmp_path):
+    """The rendered demonstration pair as a video of three frames: depth and distance against truth, in the browser."""
+    rig = StereoCalibration.load(DEMO / "rig.json")
+    pair = [read_frame(DEMO / "demo" / f"{side}.png") for side in ("left", "right")]
+    estimator = DepthEstimator("fast", calibration=rig)
+    video = write(tmp_path / "v.mkv", side_by_side([pair] * 3))
+    player = Player(estimator, endosdk.open_source(video))
+    server = Server(player, recordings=tmp_path)
+    browser = Browser(tmp_path)
+    try:
+        browser.open(server.address)
+        browser.wait("document.body.dataset.turn === '3'", 120)
+        browser.wait("document.getElementById('message').textContent.includes('ended')")
+        _check_pictures(browser)
+        _check_measurements(browser, rig)
+        browser.screenshot(tmp_path / "page.png")
+        assert browser.complaints == []
+    finally:
+        browser.close()
+        server.close()
+        player.close()
+
+
+def _check_pictures(browser):
+    """The left view, the map and the cloud are pictures of something; turning the cloud changes it."""
+    spread = """(id) => { const c = document.getElementById(id); const k = document.createElement('canvas');
+        k.width = c.width; k.height = c.height; const x = k.getContext('2d'); x.drawImage(c, 0, 0);
+        const d = x.getImageData(0, 0, k.width, k.height).data; let s = 0, q = 0, n = d.length / 4;
+        for (let i = 0; i < d.length; i += 4) { s += d[i + 1]; q += d[i + 1] ** 2; }
+        return Math.sqrt(q / n - (s / n) ** 2); }"""
+    for name in ("left", "map", "cloud", "scale"):
+        assert browser.run(f"({spread})('{name}')") > 8, name
+    box = middle_of(browser, "cloud")
+    before = browser.run("document.getElementById('cloud').toDataURL()")
+    browser.drag(*box, 60, 30)
+    assert browser.run("document.getElementById('cloud').toDataURL()") != before
+
+
+def middle_of(browser, name):
+    browser.run(f"document.getElementById('{name}').scrollIntoView({{block: 'center'}})")
+    return browser.run(
+        f"(() => {{ const r = document.getElementById('{name}').getBoundingClientRect();"
+        "return [r.left + r.width / 2, r.top + r.height / 2] })()"
+    )
+
+
+def _check_measurements(browser, rig):
+    g = rig.rectification()
+    depth = g.focal_px * g.baseline_mm / (read_disparity(DEMO / "demo" / "disparity.png") + g.doffs)
+
+    def point(x, y):
+        z = depth[y, x]
+        return np.array([(x - g.cx) / g.focal_px * z, (y - g.cy) / g.focal_y_px * z, z])
+
+    browser.run("document.getElementById('marks').scrollIntoView({block: 'center'})")
+    left, top, width = browser.run(
+        "(() => { const r = document.getElementById('marks').getBoundingClientRect();"
+        "return [r.left, r.top, r.width] })()"
+    )
+    scale = width / g.width
+
+    def click(x, y, count=1):
+        browser.click(left + (x + 0.5) * scale, top + (y + 0.5) * scale, count)
+
+    click(500, 420)
+    browser.run("document.querySelectorAll('.tool')[1].click()")
+    click(420, 500)
+    click(620, 520, 2)
+    browser.wait("document.querySelectorAll('#measured li[data-values]').length === 2")
+    told = [
+        json.loads(text)[0]
+        for text in browser.run("[...document.querySelectorAll('#measured li')].map((li) => li.dataset.values)")
+    ]
+    for found, true in (
+        (told[0], depth[420, 500]),
+        (told[1], np.linalg.norm(point(420, 500) - point(620, 520))),
+    ):
+        assert found["unit"] == "mm"
+        assert abs(found["value"] - true) < 3 * found["standard_error"] + 0.002 * true  # the click is whole pixels
+        assert found["standard_error"] < 0.05 * true
