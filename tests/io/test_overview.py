@@ -18,11 +18,17 @@ def answered():
 def test_colours_follow_the_values_and_nan_is_gray():
     values = np.array([[0.0, 0.5, 1.0, np.nan]])
     picture = colour_map(values, 0.0, 1.0)
-    low, middle, high, none = picture[0].astype(int)
-    assert low[2] > low[0]  # Turbo runs from blue
-    assert middle[1] > 200  # over green
-    assert high[0] > high[2]  # to red
+    low, _, high, none = picture[0].astype(int)
+    assert low[2] > low[1]  # Viridis runs from blue
+    assert high[1] > high[2]  # to yellow
     assert np.ptp(none) < 10
+
+
+def test_colours_grow_brighter_evenly():
+    ramp = colour_map(np.linspace(0, 1, 33, dtype=np.float32)[None], 0.0, 1.0)
+    lightness = cv2.cvtColor(ramp, cv2.COLOR_RGB2LAB)[0, :, 0].astype(int)
+    assert (np.diff(lightness) > 0).all()
+    assert np.diff(lightness).max() < 3 * np.diff(lightness).mean()
 
 
 def test_range_ignores_outliers_and_survives_emptiness():
