@@ -5,7 +5,7 @@ Arrays are C-contiguous unless said. Wrong types, shapes or values raise `endosd
 
 import enum
 from collections.abc import Mapping
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -155,34 +155,7 @@ def resize_bilinear(src: _Map, out: _Map, scale_y: float, scale_x: float, gain: 
     ``scale`` is source size over full output size; ``out`` may be the top left part of the full output.
     """
 
-class _PostprocessFields(TypedDict):
-    disparity: _Map
-    confidence: _Map
-    scale: NotRequired[tuple[float, float]]
-    view_scale: NotRequired[tuple[float, float]]
-    gain: NotRequired[float]
-    min_confidence: NotRequired[float]
-    max_candidate_disparity: NotRequired[float]
-    left: NotRequired[_Bytes | None]
-    right: NotRequired[_Bytes | None]
-    same_frames: NotRequired[bool]
-    right_shift: NotRequired[float]
-    valid_left: NotRequired[_Bytes | None]
-    valid_right: NotRequired[_Bytes | None]
-    focal_px: NotRequired[float]
-    baseline_mm: NotRequired[float]
-    doffs: NotRequired[float]
-    min_depth_mm: NotRequired[float]
-    max_depth_mm: NotRequired[float]
-
-class _PostprocessMaps(TypedDict):
-    disparity: _Map
-    confidence: _Map
-    reasons: _Bytes
-    depth: NotRequired[_Map]
-    sigma: NotRequired[_Map]
-
-def postprocess(fields: _PostprocessFields | Mapping[str, Any], out: _PostprocessMaps | Mapping[str, Any]) -> int:
+def postprocess(fields: Mapping[str, Any], out: Mapping[str, Any]) -> int:
     """Fill the full-size maps of one frame and return the number of valid pixels. For tests and studies.
 
     Fields are those of ``PostprocessInput`` in ``cpp/src/maps/postprocess.hpp``: grids float32 [h, w], ``scale`` and

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import enum
 import os
 import subprocess
 import sys
@@ -190,8 +191,19 @@ def test_the_stub_names_everything_in_the_module() -> None:
     body = ast.parse(STUB.read_text()).body
     assert names_of(body) == public(dir(_core))
     for node in body:
-        if isinstance(node, ast.ClassDef):
-            assert public(sorted(names_of(node.body))) == public(dir(getattr(_core, node.name)))
+        if not isinstance(node, ast.ClassDef):
+            continue
+        kind = getattr(_core, node.name)
+        if issubclass(kind, enum.Enum):
+            assert ast.literal_eval(ast.Dict(*numbers_of(node.body))) == dict(kind.__members__)
+        else:
+            assert public(sorted(names_of(node.body))) == public(dir(kind))
+
+
+def numbers_of(body: list[ast.stmt]) -> tuple[list[ast.expr], list[ast.expr]]:
+    """Names and numbers of an enum's members."""
+    members = [node for node in body if isinstance(node, ast.Assign)]
+    return [ast.Constant(ast.unparse(node.targets[0])) for node in members], [node.value for node in members]
 
 
 def test_the_stub_has_the_module_s_argument_names() -> None:

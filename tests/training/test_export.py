@@ -7,6 +7,7 @@ import onnxruntime as ort
 import pytest
 import torch
 
+from endosdk import _core
 from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
 from endosdk.training.data import planar
 from endosdk.training.export import export_model
@@ -54,7 +55,8 @@ def test_the_file_describes_itself(model):
     }
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected
     assert "not a medical device" in metadata["endosdk.intended_use"]
-    assert len(metadata) == len(expected) + 1
+    assert metadata["endosdk.upsampling"] == _core.upsampling_metadata
+    assert len(metadata) == len(expected) + 2
 
 
 def test_torch_and_file_agree_at_three_sizes(model):

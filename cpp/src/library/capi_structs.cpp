@@ -24,9 +24,10 @@ static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) 
               sizeof(endo_result) == first_result);
 
 // What the header shows and the core means are the same numbers.
-static_assert(ENDO_REASON_LOW_CONFIDENCE == low_confidence && ENDO_REASON_OCCLUDED == occluded &&
-              ENDO_REASON_OUTSIDE_OVERLAP == outside_overlap && ENDO_REASON_OUT_OF_RANGE == out_of_range &&
-              ENDO_REASON_SATURATED == saturated);
+constexpr bool same(endo_reason shown, Reason meant) { return static_cast<int>(shown) == static_cast<int>(meant); }
+static_assert(same(ENDO_REASON_LOW_CONFIDENCE, low_confidence) && same(ENDO_REASON_OCCLUDED, occluded) &&
+              same(ENDO_REASON_OUTSIDE_OVERLAP, outside_overlap) && same(ENDO_REASON_OUT_OF_RANGE, out_of_range) &&
+              same(ENDO_REASON_SATURATED, saturated));
 static_assert(ENDO_QUALITY_OK == static_cast<int>(Quality::ok) && ENDO_QUALITY_DEGRADED == static_cast<int>(Quality::degraded) &&
               ENDO_QUALITY_INVALID == static_cast<int>(Quality::invalid));
 

@@ -145,14 +145,12 @@ void closing_waits_for_the_frame_that_runs(const Places& at) {
     Output out(1280 * 960);
     const endo_image left = pair.left_image();
     const endo_image right = pair.right_image();
-    std::atomic<bool> inside{false};
     endo_status status = ENDO_INTERNAL;
-    std::thread caller([&] {
-      inside = true;
-      status = endo_predict(handle, &left, &right, &out.result);
-    });
-    while (!inside) std::this_thread::yield();
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));  // inside the call, whose frame takes far longer
+    std::thread caller([&] { status = endo_predict(handle, &left, &right, &out.result); });
+    std::vector<char> report(8192);
+    do {  // until the call has chosen the network's size; its frame takes far longer
+      CHECK(endo_get_diagnostics(handle, report.data(), report.size(), nullptr) == ENDO_OK);
+    } while (std::strstr(report.data(), "network_width") == nullptr);
     endo_close(handle);
     caller.join();
     CHECK(status == ENDO_OK && out.result.frame == 1);
@@ -178,28 +176,33 @@ void reports_do_not_wait_for_frames(const Places& at) {
 }
 
 void late_counts_the_wait_for_others(const Places& at) {
-  endo_options options = default_options(at);
-  Opened estimator(at, options);
-  const Pair large(1280, 960, 9);
-  Output of_large(1280 * 960);
-  CHECK(estimator.predict(large, of_large) == ENDO_OK);
-  const auto started = std::chrono::steady_clock::now();
-  CHECK(estimator.predict(large, of_large) == ENDO_OK);
-  const double one_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
-  options.deadline_ms = 1.7 * one_ms;
-  const Opened timed(at, options);
-  CHECK(endo_prepare(timed.get(), 1280, 960) == ENDO_OK);
-  std::atomic<int> late{0};
-  std::vector<std::thread> callers;
-  for (int i = 0; i < 4; ++i) {
-    callers.emplace_back([&] {
-      Output out(1280 * 960);
-      CHECK(timed.predict(large, out) == ENDO_OK);
-      late += out.result.late;
-    });
+  const Pair pair(1280, 960, 9);
+  const auto stages_ms = [](const endo_result& r) { return r.rectify_ms + r.session_ms + r.postprocess_ms; };
+  double one_ms = 0.0;
+  {
+    const Opened estimator(at);
+    Output out(1280 * 960);
+    for (int i = 0; i < 2; ++i) CHECK(estimator.predict(pair, out) == ENDO_OK);
+    one_ms = stages_ms(out.result);
   }
-  for (std::thread& caller : callers) caller.join();
-  CHECK(late >= 2);  // the last of four waits for three
+  endo_options options = default_options(at);
+  options.deadline_ms = 2.5 * one_ms;
+  const Opened estimator(at, options);
+  CHECK(endo_prepare(estimator.get(), 1280, 960) == ENDO_OK);
+  // The last of four waits for three. Other programs may disturb a round, not twenty.
+  std::atomic<bool> late_by_waiting_alone{false};
+  for (int round = 0; round < 20 && !late_by_waiting_alone; ++round) {
+    std::vector<std::thread> callers;
+    for (int i = 0; i < 4; ++i) {
+      callers.emplace_back([&] {
+        Output out(1280 * 960);
+        CHECK(estimator.predict(pair, out) == ENDO_OK);
+        if (out.result.late == 1 && stages_ms(out.result) < options.deadline_ms) late_by_waiting_alone = true;
+      });
+    }
+    for (std::thread& caller : callers) caller.join();
+  }
+  CHECK(late_by_waiting_alone);
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ def _report_runtime() -> bool:
 
     record = machine_record()
     print(f"endosdk      {_core.version}, kernels {_core.isa()}, {_core.threads()} threads")
-    integers = "yes" if _core.has_integer_units() else "no: shipped 8-bit models give way to their float twins"
+    integers = "yes" if _core.has_integer_units() else "no: shipped 8-bit models give way to float32 ones"
     print(f"8-bit units  {integers}")
     print(f"machine      {record['cpu']}, {record['os']}, Python {record['versions']['python']}")
     for package, extra in OPTIONAL.items():

@@ -14,6 +14,7 @@ from typing import Any
 import onnx
 import torch
 
+from endosdk import _core
 from endosdk.training.model_file import write_model
 from endosdk.training.networks.base import Deployed, StereoNetwork
 
@@ -126,6 +127,7 @@ def _metadata(deployed: Deployed, info: ModelInfo) -> dict[str, str]:
         "license": info.license,
         "training": json.dumps(info.training, sort_keys=True, separators=(",", ":")),
         "intended_use": info.intended_use,
+        "upsampling": _core.upsampling_metadata,  # what training/upsampling.py puts the network through
     }
     for key, value in (
         ("inference_width", network.inference_width),

@@ -9,12 +9,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from endosdk import _core
 from endosdk.training.networks.base import Prediction, StereoNetwork
 from endosdk.training.networks.confidence import log_scale_of
 
-REACH = 3  # cells, along each axis, from which on a cell counts for nothing
-UNLIKE = 128.0  # sum of the differences of three channels, grey levels, from which a cell looks altogether different
-LEAST_LIKENESS = 1e-6  # of such a cell: with no alike cell around, all count as they lie
+REACH = _core.upsampling_reach  # cells, along each axis, from which on a cell counts for nothing
+UNLIKE = _core.upsampling_unlike  # sum of the differences of three channels from which a cell looks quite different
+LEAST_LIKENESS = _core.upsampling_least_likeness  # of such a cell: with no alike cell around, all count as they lie
 LEAST_TRUST, MOST_TRUST = 1e-6, 13.8  # what the logarithm of a confidence in 32-bit floats can tell
 
 
@@ -49,7 +50,7 @@ def joint_bilateral_upsampling(disparity: Tensor, log_scale: Tensor, view: Tenso
 
     A pixel takes the mean of the cells around it, weighted by how near they lie, how much their mean colour is like
     the pixel's, and one over the scale of their Laplace law, of which ``log_scale`` [N, 1, h, w] is the logarithm: what
-    the compiled core does (``cpp/src/guided.cpp``). Gradients reach the disparity alone.
+    the compiled core does (``cpp/src/maps/joint_bilateral.cpp``). Gradients reach the disparity alone.
     """
     factor = view.shape[-1] // disparity.shape[-1]
     with torch.no_grad():
