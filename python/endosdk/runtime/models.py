@@ -67,7 +67,7 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
     """
     if isinstance(source, bytes | bytearray | memoryview):
         data = bytes(source)
-        return ModelFile(data, "<bytes>", hashlib.sha256(data).hexdigest())
+        return ModelFile(data, "<memory>", hashlib.sha256(data).hexdigest())
     if not isinstance(source, str | Path):
         raise InvalidArgument("model", "must be a shipped name, a path or bytes", type(source).__name__)
     folder = _shipped_folder()

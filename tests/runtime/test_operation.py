@@ -1,0 +1,132 @@
+"""An estimator at work: deadlines, cancel, self test, reports and closing, as the C library has them."""
+
+import logging
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, StereoCalibration, errors
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
+
+PAIR = shifted_pair(96, 160, 9)
+LARGE = shifted_pair(960, 1280, 9)
+
+
+def test_late_frames_are_marked_counted_and_logged(caplog):
+    with caplog.at_level(logging.WARNING, "endosdk.frames"):
+        estimator = DepthEstimator(TINY_MODEL, deadline_ms=1e-6)
+        assert estimator.predict(*PAIR).late
+        assert [result.late for result in estimator.stream([PAIR, PAIR])] == [True, True]
+    assert estimator.diagnostics()["late"] == 3
+    assert sum("was late" in line for line in caplog.messages) == 3
+    assert not DepthEstimator(TINY_MODEL, deadline_ms=60_000.0).predict(*PAIR).late
+    assert not DepthEstimator(TINY_MODEL).predict(*PAIR).late
+
+
+def test_pairs_of_two_scenes_are_counted_and_logged(caplog):
+    estimator = DepthEstimator(TINY_MODEL)
+    with caplog.at_level(logging.WARNING, "endosdk.frames"):
+        estimator.predict(PAIR[0], PAIR[0])
+    assert "do not show the same" in caplog.text
+    assert estimator.diagnostics()["mismatched"] == 1
+
+
+def test_lines_about_frames_are_silent_unless_logging_is_set_up():
+    program = (
+        f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
+        "from endosdk import DepthEstimator\n"
+        "from tests.conftest import TINY_MODEL, shifted_pair\n"
+        "DepthEstimator(TINY_MODEL, deadline_ms=1e-6).predict(*shifted_pair(96, 160, 9))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("way", ["predict", "stream"])
+def test_a_frame_in_work_can_be_cancelled(way):
+    estimator = DepthEstimator(TINY_MODEL)
+    finished = threading.Event()
+
+    def cancel():
+        while not finished.is_set():
+            estimator.cancel()
+
+    estimator.cancel()  # nothing runs: nothing happens
+    canceller = threading.Thread(target=cancel)
+    canceller.start()
+    try:
+        with pytest.raises(errors.Cancelled, match="CANCELLED"):
+            if way == "predict":
+                estimator.predict(*LARGE)
+            else:
+                list(estimator.stream([LARGE] * 20))
+    finally:
+        finished.set()
+        canceller.join()
+    assert np.median(estimator.predict(*PAIR).disparity) == pytest.approx(9, abs=0.5)
+
+
+def test_self_test_passes_and_leaves_no_trace():
+    estimator = DepthEstimator(TINY_MODEL)
+    before = estimator.predict(*PAIR)
+    estimator.self_test()
+    after = estimator.predict(*PAIR)
+    np.testing.assert_array_equal(before.disparity, after.disparity)
+    assert after.frame == 2
+
+
+def test_the_nearest_depth_is_known_before_the_first_frame():
+    rig = StereoCalibration.rectified(210.0, 4.5, (240, 120), doffs=2.0)
+    assert DepthEstimator(TINY_MODEL).nearest_depth_mm is None
+    estimator = DepthEstimator(TINY_MODEL, calibration=rig, network_size=(120, 60))
+    assert estimator.nearest_depth_mm == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * 2), rel=1e-6)
+    assert estimator.diagnostics()["nearest_depth_mm"] == pytest.approx(estimator.nearest_depth_mm)
+
+
+def test_a_closed_estimator_says_so():
+    with DepthEstimator(TINY_MODEL) as estimator:
+        kept = estimator.predict(*PAIR)
+    assert kept.disparity.shape == (96, 160)
+    for call in (
+        lambda: estimator.predict(*PAIR),
+        lambda: list(estimator.stream([PAIR])),
+        estimator.self_test,
+        lambda: estimator.prepare(160, 96),
+    ):
+        with pytest.raises(errors.InvalidArgument, match="estimator: must be open"):
+            call()
+    assert estimator.diagnostics()["frames"] == 1
+    estimator.close()
+
+
+def test_closing_waits_for_the_call_that_runs():
+    estimator = DepthEstimator(TINY_MODEL)
+    found = []
+    caller = threading.Thread(target=lambda: found.append(estimator.predict(*LARGE)))
+    caller.start()
+    while "network_width" not in estimator.diagnostics():
+        pass  # until the call has begun; its frame takes far longer
+    estimator.close()
+    caller.join()
+    assert found[0].frame == 1
+
+
+def test_reports_do_not_wait_for_frames():
+    estimator = DepthEstimator(TINY_MODEL)
+    finished = threading.Event()
+
+    def work():
+        while not finished.is_set():
+            estimator.predict(*LARGE)
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    try:
+        reports = [estimator.diagnostics() for _ in range(20)]
+    finally:
+        finished.set()
+        worker.join()
+    assert reports[-1]["failed"] == 0
