@@ -75,6 +75,18 @@ class Maps {
   std::vector<uint8_t> reasons;
   std::vector<float> depth;
   std::vector<float> sigma;
+  // The result, pointing to these maps.
+  endo_result& tied() {
+    result.struct_size = sizeof result;
+    result.capacity = disparity.size();
+    result.disparity = disparity.data();
+    result.confidence = confidence.data();
+    result.reasons = reasons.data();
+    result.depth = depth.empty() ? nullptr : depth.data();
+    result.sigma = sigma.empty() ? nullptr : sigma.data();
+    return result;
+  }
+
   endo_result result = {};  // quality, share of answers, times, late; its pointers are set by predict
 
  private:
@@ -116,17 +128,7 @@ class Estimator {
     check(endo_predict(get(), &left, &right, &result));
   }
 
-  void predict(const endo_image& left, const endo_image& right, Maps& maps) {
-    endo_result& r = maps.result;
-    r.struct_size = sizeof r;
-    r.capacity = maps.disparity.size();
-    r.disparity = maps.disparity.data();
-    r.confidence = maps.confidence.data();
-    r.reasons = maps.reasons.data();
-    r.depth = maps.depth.empty() ? nullptr : maps.depth.data();
-    r.sigma = maps.sigma.empty() ? nullptr : maps.sigma.data();
-    predict(left, right, r);
-  }
+  void predict(const endo_image& left, const endo_image& right, Maps& maps) { predict(left, right, maps.tied()); }
 
   // Copies of the latest pair as the network saw it.
   void rectified(uint8_t* left, uint8_t* right, size_t capacity) const {
@@ -158,6 +160,41 @@ class Estimator {
   explicit Estimator(endo_estimator* handle) : handle_(handle) {}
 
   std::unique_ptr<endo_estimator, Close> handle_;
+};
+
+// Frames of one size, several in flight: one thread submits, another receives.
+class Stream {
+ public:
+  Stream(const Estimator& estimator, int width, int height) {
+    endo_stream* opened = nullptr;
+    check(endo_stream_open(estimator.get(), width, height, &lanes_, &opened));
+    handle_.reset(opened);
+  }
+
+  // Frames that may be submitted before one must be received.
+  int lanes() const noexcept { return lanes_; }
+
+  // The maps must live, untouched, until they are received.
+  void submit(const endo_image& left, const endo_image& right, Maps& maps) {
+    check(endo_stream_submit(handle_.get(), &left, &right, &maps.tied()));
+  }
+
+  // The result of the oldest frame, that of its maps; null when the stream has ended and nothing is left.
+  endo_result* receive() {
+    endo_result* result = nullptr;
+    check(endo_stream_receive(handle_.get(), &result));
+    return result;
+  }
+
+  void end() { check(endo_stream_end(handle_.get())); }
+
+ private:
+  struct Close {
+    void operator()(endo_stream* handle) const noexcept { endo_stream_close(handle); }
+  };
+
+  int32_t lanes_ = 0;
+  std::unique_ptr<endo_stream, Close> handle_;
 };
 
 }  // namespace endo

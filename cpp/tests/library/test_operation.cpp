@@ -106,6 +106,10 @@ void the_wrapper_throws_and_frees(const Places& at) {
   endo::Maps maps(width, height, endo::Maps::metric);
   estimator.predict(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
   CHECK(maps.result.frame == 1 && maps.depth.size() == pixels);
+  endo::Stream stream(estimator, width, height);
+  stream.submit(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
+  stream.end();
+  CHECK(stream.lanes() >= 1 && stream.receive() == &maps.result && maps.result.frame == 2 && stream.receive() == nullptr);
   estimator.remove_calibration();
   endo_status status = ENDO_OK;
   try {
