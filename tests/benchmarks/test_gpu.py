@@ -6,7 +6,7 @@ import numpy as np
 import onnx
 import pytest
 
-from benchmarks import gpu
+from benchmarks.speed import gpu
 from benchmarks.speed.graph_cost import graph_cost
 from endosdk.runtime.models import read_model
 
