@@ -126,7 +126,10 @@ class PythonStream {
     return py::make_tuple(answer->report, maps);
   }
 
-  void end() { stream_->end(); }
+  void end() {
+    const py::gil_scoped_release release;
+    stream_->end();
+  }
 
   void close() {
     const py::gil_scoped_release release;
@@ -271,6 +274,8 @@ void bind_stream(py::module_& m) {
 
 }  // namespace
 
+// No lock of the core is waited for with the GIL in hand: who holds it may be waiting for the GIL, to run the network or to
+// free what Python owns.
 void bind_frame_path(py::module_& m) {
   using py::arg;
   using Path = PythonFramePath;
@@ -302,8 +307,8 @@ void bind_frame_path(py::module_& m) {
       .def("cancel", [](Path& p) { p.path().cancel(); }, release())
       .def("self_test", [](Path& p) { p.path().self_test(); }, release())
       .def("close", [](Path& p) { p.path().close(); }, release())
-      .def("nearest_depth_mm", [](Path& p) { return p.path().nearest_depth_mm(); })
-      .def("diagnostics", [](Path& p) { return p.path().diagnostics().done(); });
+      .def("nearest_depth_mm", [](Path& p) { return p.path().nearest_depth_mm(); }, release())
+      .def("diagnostics", [](Path& p) { return p.path().diagnostics().done(); }, release());
 }
 
 }  // namespace endosdk

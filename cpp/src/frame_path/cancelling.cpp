@@ -48,7 +48,7 @@ void Work::run(Session::Run& run) {
     const Running running(*this, run);
     run();
   } catch (...) {
-    check();  // a run that was told to stop fails
+    check();  // a run that was stopped fails
     throw;
   }
   check();

@@ -12,7 +12,7 @@ namespace endosdk {
 
 class Counters {
  public:
-  // Gives an answered frame its number.
+  // Gives a finished frame its number.
   uint64_t add(const FrameReport& report);
   void add_failure();
 

@@ -80,7 +80,7 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
 
   mutable std::mutex state_;  // guards what follows
   std::shared_ptr<const Rig> rig_;
-  std::shared_ptr<Slot> latest_;  // its pictures belong to the latest answered frame
+  std::shared_ptr<Slot> latest_;  // its pictures belong to the latest finished frame
   std::optional<Size> picture_;
   bool closed_ = false;
 };

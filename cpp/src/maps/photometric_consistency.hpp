@@ -18,7 +18,7 @@ namespace endosdk {
 class PhotometricConsistency {
  public:
   static constexpr int blocks_per_width = 30;
-  static constexpr int smallest_block = 16;    // px; fewer pixels do not tell noise from agreement
+  static constexpr int smallest_block = 16;    // px; fewer pixels do not tell noise from consistency
   static constexpr double weakest = 0.2;       // correlation from which a block supports its answers
   static constexpr double strong = 0.5;        // correlation of a block that speaks for the whole pair
   static constexpr int strong_is_one_in = 3;   // with fewer strong blocks the views do not belong together

@@ -20,7 +20,7 @@ struct DepthGeometry {
   double max_depth_mm = 0.0;  // may be infinite
 };
 
-// Surfaces nearer than the last plane come out at it or a little short of it, with high confidence. Answers this close to
+// Surfaces beyond the largest candidate disparity come out at it or a little short of it, with high confidence. Answers this close to
 // it, in network pixels, cannot be told from theirs and count as out of range.
 constexpr double range_margin = 0.5;
 
@@ -32,7 +32,7 @@ struct PostprocessInput {
   float min_confidence = 0.0f;
   double max_candidate_disparity = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
   PlanarView left;  // as the network saw it, for saturation and to guide the upsampling; no data: neither
-  PlanarView right;  // of the same size; no data: whether the views agree is not tested
+  PlanarView right;  // of the same size; no data: photometric consistency is not tested
   bool same_frames = false;  // as the cameras gave them, see same_pixels(): then no answer is to be trusted
   Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
   double right_shift = 0.0;  // frame pixels by which the right view was moved to the left before the network saw it
@@ -61,7 +61,7 @@ struct PostprocessScratch {
 };
 
 // Where the left view has a whole number of pixels, two or more, per cell of the disparity, the disparity comes to the
-// view's grid guided by it, and from there to the output, like the confidence from its own grid, by bilinear resizing.
+// view's grid by joint bilateral upsampling, and from there to the output, like the confidence from its own grid, by bilinear resizing.
 // Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
 // right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to
