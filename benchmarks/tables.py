@@ -34,6 +34,7 @@ DOCUMENTS = (
     "docs/c-library.md",
     "docs/datasets/endosim-gi.md",
     "docs/model-file.md",
+    "docs/hardening.md",
 )
 PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
@@ -205,6 +206,19 @@ def range_end_table() -> str:
     return _table(heads, rows)
 
 
+def spoilt_files_table() -> str:
+    """Every reader of strangers' files: spoilt ones tried, how many were read, refused by which code, anything else."""
+    rows = []
+    for name, reader in _record("studies/spoilt_files")["readers"].items():
+        outcomes = dict(reader["outcomes"])
+        read = outcomes.pop("read", 0)
+        untyped = sum(outcomes.pop(kind) for kind in list(outcomes) if kind.startswith("untyped"))
+        refused = ", ".join(f"{count} {code}" for code, count in outcomes.items())
+        rows.append([name, str(reader["tried"]), str(read), refused, str(untyped), f"{reader['slowest_s']:.2f}"])
+    heads = ["file", "tried", "still valid, read", "refused with a typed error", "anything else", "slowest, s"]
+    return _table(heads, rows)
+
+
 def versions_table(versions: dict[str, Any]) -> str:
     """Error of each version of wang2020, and what was new in its training."""
     rows = []
@@ -224,6 +238,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "speed-avx2": partial(speed_table, AVX2_SPEEDS),
     "photometric-consistency": photometric_consistency_table,
     "range-end": range_end_table,
+    "spoilt-files": spoilt_files_table,
     "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
 }
 

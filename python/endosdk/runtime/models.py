@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from endosdk import _core
-from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelNotFound, ModelUnreadable
+from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
 from endosdk.io.bounded_read import is_there
+from endosdk.runtime.seal import check_seal
 
 PREFIX = "endosdk."
 
@@ -61,13 +62,13 @@ def shipped_weights() -> dict[str, Path]:
 def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> ModelFile:
     """Read a model given by shipped name, path or content.
 
-    A shipped model is checked against its recorded SHA-256; hash and content are of the very bytes that are returned.
+    A shipped model is checked against its recorded SHA-256, any other against its seal (`endosdk.runtime.seal`). One
+    without a seal is taken with a warning in the log ``endosdk``. Hash and content are of the very bytes returned.
     Without ``integer_units``, a shipped model of 8-bit integers gives way to its float32 model, with a warning in the
     log ``endosdk``; paths and bytes are always taken as they are.
     """
     if isinstance(source, bytes | bytearray | memoryview):
-        data = bytes(source)
-        return ModelFile(data, "<memory>", hashlib.sha256(data).hexdigest())
+        return _unpinned(bytes(source), "<memory>")
     if not isinstance(source, str | Path):
         raise InvalidArgument("model", "must be a shipped name, a path or bytes", type(source).__name__)
     folder = _shipped_folder()
@@ -83,16 +84,30 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
         names = ", ".join(sorted(_manifest(folder)))
         raise ModelNotFound("model", f"must be a file or one of the shipped names ({names})", repr(str(source)))
     data = path.read_bytes()
+    if entry is None:
+        return _unpinned(data, str(path))
     digest = hashlib.sha256(data).hexdigest()
-    if entry and digest != entry["sha256"]:
+    if digest != entry["sha256"]:
         raise ModelHashMismatch("model", f"{source} must have SHA-256 {entry['sha256']}", digest)
     return ModelFile(data, str(path), digest)
+
+
+def _unpinned(data: bytes, origin: str) -> ModelFile:
+    """Return a model whose hash nobody has stated; only its seal can tell that it is whole."""
+    if not check_seal(data, origin):
+        logging.getLogger("endosdk").warning(
+            "%s carries no seal: damage to its weights would not be noticed; export it with this release", origin
+        )
+    return ModelFile(data, origin, hashlib.sha256(data).hexdigest())
 
 
 def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
     """Turn the metadata of an ONNX file into a `ModelInfo`; name the key that is missing or wrong."""
     fields = _core.parse_metadata(dict(metadata), sha256)
-    fields["training"] = json.loads(fields["training"])
+    try:
+        fields["training"] = json.loads(fields["training"])
+    except (ValueError, RecursionError) as error:
+        raise ModelMetadata(PREFIX + "training", "must be JSON", error) from error
     return ModelInfo(**fields)
 
 

@@ -14,6 +14,8 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from endosdk.errors import InvalidArgument
+from endosdk.io.bounded_read import Refused
+from endosdk.io.documents import parse_json
 from endosdk.io.whole_files import whole_file
 from endosdk.runtime.models import shipped_weights
 from endosdk.training.config import TrainConfig
@@ -117,12 +119,20 @@ def load(path: Path) -> Checkpoint:
         raise InvalidArgument("checkpoint", "must be a readable safetensors file", f"{file} ({error})") from error
     if header.get("format") != FORMAT:
         raise InvalidArgument("checkpoint", f"must be one of this package, format {FORMAT}", file)
-    parts: dict[str, dict[str, Tensor]] = {"network": {}, "optimiser": {}}
-    for name, tensor in tensors.items():
-        part, _, rest = name.partition(".")
-        parts[part][rest] = tensor
-    config = TrainConfig.from_dict(json.loads(header["config"]))
-    return Checkpoint(config, int(header["step"]), json.loads(header["state"]), parts["network"], parts["optimiser"])
+    try:
+        parts: dict[str, dict[str, Tensor]] = {"network": {}, "optimiser": {}}
+        for name, tensor in tensors.items():
+            part, _, rest = name.partition(".")
+            parts[part][rest] = tensor
+        config = TrainConfig.from_dict(parse_json(header["config"]))
+        step, state = int(header["step"]), dict(parse_json(header["state"]))
+    except InvalidArgument:
+        raise
+    except (Refused, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise InvalidArgument(
+            "checkpoint", "must have a header as this package writes it", f"{file} ({error})"
+        ) from error
+    return Checkpoint(config, step, state, parts["network"], parts["optimiser"])
 
 
 def restore_optimiser(optimiser: Optimizer, tensors: dict[str, Tensor]) -> None:
