@@ -1,0 +1,71 @@
+"""Write docs/device/requirements.md from docs/device/requirements.toml: each requirement with links to its tests.
+
+python scripts/requirements_page.py
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "docs" / "device"
+
+POINTS = {
+    1: "No network",
+    2: "Model integrity",
+    3: "Identity",
+    4: "Input validation",
+    5: "Status of every frame",
+    6: "Deadline and cancelling",
+    7: "Staleness",
+    8: "Determinism and self test",
+    9: "Resources",
+    10: "Errors",
+    11: "Threads",
+    12: "Logs and recordings",
+    13: "Documents",
+    14: "Build",
+    15: "Metric depth",
+}
+
+
+def requirements() -> list[dict[str, Any]]:
+    """Return the list, in the order of the checklist."""
+    content = tomllib.loads((FOLDER / "requirements.toml").read_text())
+    return list(content["requirement"])
+
+
+def page() -> str:
+    """Return the page."""
+    listed = requirements()
+    lines = [
+        "# The checklist of a device vendor, requirement by requirement",
+        "",
+        "Each point of the list that vendors test, what endosdk promises for it, and the tests that hold the promise in",
+        "Python and in C. `tests/documents/test_requirements.py` fails where a requirement has no test or names one that",
+        "does not exist. This page is written by `python scripts/requirements_page.py`.",
+        "",
+    ]
+    for point, name in POINTS.items():
+        lines += [f"## {point}. {name}", ""]
+        for entry in (entry for entry in listed if entry["point"] == point):
+            lines.append(f"**{entry['id']}**: {entry['text']}")
+            lines.append("")
+            lines += [
+                f"- {face}: {_links(entry[key])}" for key, face in (("python", "Python"), ("c", "C")) if entry[key]
+            ]
+            if "open" in entry:
+                lines.append(f"- Open: {entry['open']}")
+            lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _links(tests: list[str]) -> str:
+    pairs = (test.split("::") for test in tests)
+    return ", ".join(f"[{function}](../../{file})" for file, function in pairs)
+
+
+if __name__ == "__main__":
+    (FOLDER / "requirements.md").write_text(page())
