@@ -43,9 +43,9 @@ def page() -> str:
     lines = [
         "# The checklist of a device vendor, requirement by requirement",
         "",
-        "Each point of the list that vendors test, what endosdk promises for it, and the tests that hold the promise in",
-        "Python and in C. `tests/documents/test_requirements.py` fails where a requirement has no test or names one that",
-        "does not exist. This page is written by `python scripts/requirements_page.py`.",
+        "Each point of the list that vendors test, what endosdk promises for it, and the tests that hold the promise.",
+        "`tests/documents/test_requirements.py` fails where a requirement has none or names one that does not exist.",
+        "This page is written by `python scripts/requirements_page.py`.",
         "",
     ]
     for point, name in POINTS.items():

@@ -30,6 +30,7 @@ from benchmarks.speed.graph_cost import GraphCost, graph_cost
 from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model, shipped_models
 from endosdk.training.half import halved
+from endosdk.training.model_file import sealed_bytes
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Deployed
 
@@ -69,8 +70,7 @@ def float_models() -> list[str]:
 
 def half_precision(model: bytes) -> bytes:
     """Convert to 16-bit floats, but for what turns costs into disparity and looks into the pictures."""
-    data: bytes = halved(onnx.load_from_string(model)).SerializeToString()
-    return data
+    return sealed_bytes(halved(onnx.load_from_string(model)))
 
 
 def pair_of(width: int, height: int) -> dict[str, Array]:

@@ -17,9 +17,11 @@ from tests.conftest import TINY_MODEL
 
 def edited_model(change) -> bytes:
     onnx = pytest.importorskip("onnx")
+    from endosdk.training.model_file import sealed_bytes
+
     model = onnx.load(TINY_MODEL)
     change(onnx, model)
-    return model.SerializeToString()
+    return sealed_bytes(model)
 
 
 def drop_metadata(onnx, model):

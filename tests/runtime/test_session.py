@@ -8,6 +8,7 @@ import pytest
 from endosdk import errors
 from endosdk.runtime.models import ModelFile, read_model
 from endosdk.runtime.session import StereoSession, load_runtime
+from endosdk.training.model_file import sealed_bytes
 from tests.conftest import TINY_MODEL, shifted_pair
 
 
@@ -78,7 +79,7 @@ def test_weights_in_another_file_are_refused(tmp_path, monkeypatch, location, sm
     for tensor in outside:
         next(entry for entry in tensor.external_data if entry.key == "location").value = named
     with pytest.raises(errors.ModelMetadata, match="hold its weights itself"):
-        StereoSession(read_model(model.SerializeToString()))
+        StereoSession(read_model(sealed_bytes(model)))
 
 
 def test_wrong_interface_is_refused():
@@ -87,7 +88,7 @@ def test_wrong_interface_is_refused():
         node.input[:] = ["links" if name == "left" else name for name in node.input]
     model.graph.input[0].name = "links"
     with pytest.raises(errors.ModelMetadata, match="left and right"):
-        StereoSession(read_model(model.SerializeToString()))
+        StereoSession(read_model(sealed_bytes(model)))
 
 
 @pytest.mark.parametrize("provider", ["warp-drive", "cuda"])
