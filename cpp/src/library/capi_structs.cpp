@@ -189,6 +189,7 @@ void ResultWriter::accept(endo_result* result) {
   constexpr uint64_t most = std::numeric_limits<int32_t>::max();
   require_argument(known_.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known_.capacity);
   require_argument(known_.reserved == 0, "result.reserved", "must be 0", known_.reserved);
+  check_memory(maps(), known_.capacity);
   target_ = result;
 }
 

@@ -1,6 +1,7 @@
 #include "maps/maps.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -27,7 +28,7 @@ struct Memory {
   Memory(const char* name_of_map, const Value* data, bool needs_calibration = false)
       : name(name_of_map), begin(reinterpret_cast<uintptr_t>(data)), bytes_per_pixel(sizeof(Value)), metric(needs_calibration) {}
 
-  uintptr_t end(uintptr_t pixels) const { return begin + pixels * bytes_per_pixel; }
+  uintptr_t end(uint64_t pixels) const { return begin + pixels * bytes_per_pixel; }
 
   const char* name;
   uintptr_t begin;  // 0: not wanted
@@ -35,17 +36,18 @@ struct Memory {
   bool metric;
 };
 
+std::array<Memory, 7> memory_of(const MapsOut& maps) {
+  return {Memory("disparity", maps.disparity),         Memory("confidence", maps.confidence),
+          Memory("reasons", maps.reasons),             Memory("disparity_u16", maps.disparity_u16),
+          Memory("depth", maps.depth, true),           Memory("sigma", maps.sigma, true),
+          Memory("depth_u16", maps.depth_u16, true)};
+}
+
 }  // namespace
 
-void check_maps(const MapsOut& maps, Size size, bool calibrated) {
-  const uintptr_t pixels = static_cast<uintptr_t>(size.width) * static_cast<uintptr_t>(size.height);
-  const Memory all[] = {{"disparity", maps.disparity},         {"confidence", maps.confidence},
-                        {"reasons", maps.reasons},             {"disparity_u16", maps.disparity_u16},
-                        {"depth", maps.depth, true},           {"sigma", maps.sigma, true},
-                        {"depth_u16", maps.depth_u16, true}};
+void check_memory(const MapsOut& maps, uint64_t pixels) {
+  const auto all = memory_of(maps);
   for (const Memory& map : all) {
-    if (map.begin == 0) continue;
-    require(calibrated || !map.metric, ENDO_CALIBRATION_REQUIRED, map.name, calibration_rule, "no calibration");
     const uintptr_t too_far = map.begin % map.bytes_per_pixel;
     require(too_far == 0, map.name, Text("must be aligned to ", map.bytes_per_pixel, " bytes"), Text(too_far, " too far"));
   }
@@ -56,6 +58,14 @@ void check_maps(const MapsOut& maps, Size size, bool calibrated) {
       require(apart, map.name, Text("must not lie in the memory of ", other.name), "maps that overlap");
     }
   }
+}
+
+void check_maps(const MapsOut& maps, Size size, bool calibrated) {
+  for (const Memory& map : memory_of(maps)) {
+    const bool wanted = map.begin != 0;
+    require(calibrated || !map.metric || !wanted, ENDO_CALIBRATION_REQUIRED, map.name, calibration_rule, "no calibration");
+  }
+  check_memory(maps, static_cast<uint64_t>(size.width) * static_cast<uint64_t>(size.height));
 }
 
 MapsOut SpareMaps::complete(const MapsOut& wanted) {

@@ -25,7 +25,10 @@ struct MapsOut {
 
 };
 
-// Refuses maps that lie in each other or askew in memory, and metric ones without a calibration.
+// Refuses maps that lie in each other, or askew, in memory: nothing may be written to such.
+void check_memory(const MapsOut& maps, uint64_t pixels);
+
+// The same, and refuses metric maps without a calibration.
 void check_maps(const MapsOut& maps, Size size, bool calibrated);
 
 // Memory for what must be computed although the caller does not want it. Made once per frame size.
