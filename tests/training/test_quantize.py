@@ -11,7 +11,7 @@ from onnx import numpy_helper
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import parse_metadata, shipped_models
 from endosdk.training.quantize import describe_quantised, quantize_model, unsaturated_steps
-from tests.training.one_frame import noise
+from tests.training.one_frame import OneFrame
 from tests.training.warped_scenes import warped_pair
 
 
