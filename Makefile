@@ -1,20 +1,32 @@
 # Two commands: `make demo` and `make test`. Each sets up what it needs in .venv and reuses it the next time.
-PYTHON ?= python3.11
+# Nothing is installed outside .venv: what is missing there is named, with the command that installs it.
+PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3.14 python3,$(shell $(name) -c \
+    'import sys; (3, 11) <= sys.version_info[:2] <= (3, 14) and print("$(name)")' 2>/dev/null)))
 VENV := .venv
 SAMPLES := examples/data
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: demo test lint bench clean graphics abi-tools
+.PHONY: demo test test-slow test-all announce tools lint bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/endosdk predict $(SAMPLES)/demo/left.png $(SAMPLES)/demo/right.png \
 	    --calibration $(SAMPLES)/rig.json --truth $(SAMPLES)/demo/disparity.png --out out
 	@echo "look at out/overview.png"
 
-test: $(VENV)/.develop graphics abi-tools lint
-	$(BIN)/python -m pytest
+# What decides whether a change is right. The rest trains, renders and builds for longer: `make test-all`.
+test: announce tools $(VENV)/.develop lint
+	$(PYTEST) -m "not slow"
+
+test-slow: tools $(VENV)/.develop
+	$(PYTEST) -m slow
+
+test-all: test test-slow
+
+announce:
+	@echo "make test: about 8 minutes on two cores, 2 of them to install the first time (make test-all: about 25)"
 
 lint: $(VENV)/.develop
 	$(BIN)/ruff check .
@@ -38,21 +50,22 @@ $(VENV)/.develop: $(VENV)/.python pyproject.toml constraints.txt CMakeLists.txt 
 	@touch $@ $(VENV)/.runtime
 
 $(VENV)/.python:
+	@if [ -z "$(PYTHON)" ]; then \
+	    echo "no Python from 3.11 to 3.14: install one (Debian: apt-get install python3 python3-venv), or name it:" \
+	        "make PYTHON=/path/to/python3"; exit 1; fi
 	$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	@touch $@
 
-# The renderer's tests need an EGL driver; the software one of Debian serves. Without rights to install it they are skipped.
-graphics:
-	@if ! ldconfig -p | grep -q libEGL.so.1; then \
-	    if [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq libegl1 libgl1-mesa-dri; \
-	    else echo "no EGL driver: renderer tests will be skipped (apt-get install libegl1 libgl1-mesa-dri)"; fi; fi
-
-# The C library's ABI is compared by abidiff. Without rights to install it that test is skipped.
-abi-tools:
-	@if ! command -v abidiff > /dev/null; then \
-	    if [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq abigail-tools pkg-config; \
-	    else echo "no abidiff: the ABI test will be skipped (apt-get install abigail-tools)"; fi; fi
+# Names what some tests need and this machine lacks; those tests are skipped.
+tools:
+	@lacking=""; \
+	command -v c++ > /dev/null || lacking="$$lacking g++"; \
+	command -v pkg-config > /dev/null || lacking="$$lacking pkg-config"; \
+	command -v abidiff > /dev/null || lacking="$$lacking abigail-tools"; \
+	ldconfig -p 2>/dev/null | grep -q libEGL.so.1 || lacking="$$lacking libegl1 libgl1-mesa-dri"; \
+	if [ -n "$$lacking" ]; then \
+	    echo "some tests will be skipped; for all of them (Debian): apt-get install$$lacking"; fi
 
 clean:
 	rm -rf build dist out $(VENV)

@@ -14,6 +14,23 @@ ROOT = Path(__file__).resolve().parents[1]
 TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
 
 
+# Folders whose tests share what takes long to make: one worker runs them all, so that it is made once.
+TOGETHER = ("c_library", "training")
+SLOW = ROOT / "tests" / "slow.txt"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is slow, and give each worker whole files, or some whole folders."""
+    slow = [line for line in SLOW.read_text().splitlines() if not line.startswith("#")]
+    fixtures = {line.removeprefix("fixture ") for line in slow if line.startswith("fixture ")}
+    for item in items:
+        inside = item.path.relative_to(ROOT / "tests")
+        item.add_marker(pytest.mark.xdist_group(inside.parts[0] if inside.parts[0] in TOGETHER else str(inside)))
+        name = f"tests/{inside.as_posix()}::{item.nodeid.partition('::')[2]}"
+        if name.startswith(tuple(slow)) or fixtures & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture
 def restored_settings():
     """Whatever a test sets in the compiled core, the next one finds it as it was."""
@@ -50,5 +67,5 @@ def shared_data() -> Path:
     """Folder of real endoscope frames, which are not part of the project."""
     folder = Path(os.environ.get("ENDOSDK_SHARED_DATA", ROOT.parent / "shared" / "data"))
     if not folder.is_dir():
-        pytest.skip("real endoscope frames are not on this machine")
+        pytest.skip("no real endoscope frames here: name their folder in ENDOSDK_SHARED_DATA")
     return folder

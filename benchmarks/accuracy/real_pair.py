@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.record import machine_record
 from endosdk import DepthEstimator
-from endosdk.commands.sizes import parse_size
+from endosdk.commands.options import parse_size
 from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings
 from endosdk.evaluation.vertical_disparity import vertical_disparity
 from endosdk.io.pictures import read_frame

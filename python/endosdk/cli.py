@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from endosdk import __version__
-from endosdk.errors import EndoError
+from endosdk.commands.options import Parser
+from endosdk.errors import DependencyMissing, EndoError
 
 VERBS = {
     "predict": "disparity and depth of one stereo pair, as files and a picture",
@@ -17,7 +20,7 @@ VERBS = {
     "view": "show depth of a video or camera in the browser as it is computed, and measure in it",
     "run": "record depth of a whole video: lossless maps, a preview, a line on every frame",
     "replay": "give back the frames and maps of a recording, as files or as a ROS bag",
-    "bench": "time a model on this machine, with its error and a rival beside it",
+    "bench": "time a model on this machine, with its error and another method beside it",
     "evaluate": "score a model on a data set with truth",
     "calibrate": "calibrate a rig from board pictures, or convert a calibration file",
     "doctor": "say what is installed, what is missing and what would be used",
@@ -25,30 +28,35 @@ VERBS = {
     "train": "train a network on a data set",
     "export": "turn a trained network into a model file",
 }
+EXIT_STATUS = (
+    "exit status: 0 when the result can be used, 1 when it cannot or the verb found a fault, 2 for bad input or a "
+    "missing dependency"
+)
+COMPLETION = "--print-completion"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run ``endosdk``; the exit status is 0, 1 (the verb found a fault) or 2 (bad input).
+    """Run ``endosdk``; the exit status is 0, 1 (the result cannot be used) or 2 (bad input).
 
     Like a program that a signal has ended it is 130 after Ctrl-C, and 141 when nobody reads the output any more.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    verb = next((word for word in words if not word.startswith("-")), None)
-    parser = argparse.ArgumentParser(prog="endosdk", description="Stereo depth for binocular endoscopes.")
-    parser.add_argument("--version", action="version", version=f"endosdk {__version__}")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for name, summary in VERBS.items():
-        sub = verbs.add_parser(name, help=summary, description=summary)
-        if name == verb:  # only the verb that runs is imported
-            importlib.import_module(f"endosdk.commands.{name}").configure(sub)
-    options = parser.parse_args(words)
+    if COMPLETION in words:
+        verbs: Iterable[str] = VERBS
+    else:  # only the verb that runs is imported
+        verbs = [word for word in words if not word.startswith("-")][:1]
+    options = build_parser(verbs).parse_args(words)
     try:
         status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
         sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
         return status
     except EndoError as error:
-        print(f"endosdk {options.verb}: {error}", file=sys.stderr)
-        return 2
+        return _refuse(options, error)
+    except ModuleNotFoundError as error:
+        missing = DependencyMissing.of(error)
+        if missing is None:
+            raise
+        return _refuse(options, missing)
     except KeyboardInterrupt as interrupt:  # a verb that can go on says how
         print(f"endosdk {options.verb}: {interrupt.args[0] if interrupt.args else 'interrupted'}", file=sys.stderr)
         return 130
@@ -61,3 +69,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def bench() -> int:
     """Run ``endosdk-bench``, the short name of ``endosdk bench``."""
     return main(["bench", *sys.argv[1:]])
+
+
+def build_parser(configured: Iterable[str]) -> Parser:
+    """Return the parser; the verbs in ``configured`` know their arguments, the others only their names."""
+    parser = Parser(prog="endosdk", description="Stereo depth for binocular endoscopes.", epilog=EXIT_STATUS)
+    parser.add_argument("--version", action="version", version=f"endosdk {__version__}")
+    parser.add_argument(
+        COMPLETION,
+        action=_PrintCompletion,
+        metavar="SHELL",
+        help="print the completion script of a shell (bash, zsh or tcsh): source it, or put it where the shell looks",
+    )
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, summary in VERBS.items():
+        verb = verbs.add_parser(name, help=summary, description=summary)
+        if name in configured:
+            importlib.import_module(f"endosdk.commands.{name}").configure(verb)
+            for leaf in _leaves(verb):
+                leaf.epilog = f"{leaf.epilog} {EXIT_STATUS}" if leaf.epilog else EXIT_STATUS
+                leaf.add_argument("--json", action="store_true", help="print one JSON document instead of lines")
+    return parser
+
+
+def _leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """Yield the parsers that take the last words: the verb's own, or those of its sources."""
+    below = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    if not below:
+        yield parser
+    for choices in below:
+        for one in choices.values():
+            yield from _leaves(one)
+
+
+class _PrintCompletion(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, namespace: Any, values: Any, option_string: Any = None) -> None:
+        import shtab
+
+        if values not in shtab.SUPPORTED_SHELLS:
+            parser.error(f"{COMPLETION}: must be one of {', '.join(shtab.SUPPORTED_SHELLS)}; got {values}")
+        print(shtab.complete(parser, values))
+        parser.exit()
+
+
+def _refuse(options: argparse.Namespace, error: EndoError) -> int:
+    """Say what is wrong, to people on stderr and with --json to programs on stdout."""
+    print(f"endosdk {options.verb}: {error}", file=sys.stderr)
+    if options.json:
+        said = {"code": error.code.name, "argument": error.argument, "rule": error.rule, "value": str(error.value)}
+        print(json.dumps({"error": said}))
+    return 2

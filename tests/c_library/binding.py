@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import importlib.util
 import os
 import shutil
@@ -205,8 +206,11 @@ def configure(folder: Path, *options: str) -> None:
 
 def build(folder: Path, *options: str) -> None:
     """Configure and build; tests inside the folder open this environment's runtime."""
-    configure(folder, f"-DENDOSDK_TEST_RUNTIME={runtime_library()}", *options)
-    cmake("--build", folder, "--parallel")
+    folder.parent.mkdir(exist_ok=True)
+    with folder.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another worker may want the same; the second finds it done
+        configure(folder, f"-DENDOSDK_TEST_RUNTIME={runtime_library()}", *options)
+        cmake("--build", folder, "--parallel")
 
 
 def load(path: Path) -> ctypes.CDLL:

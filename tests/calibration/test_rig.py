@@ -320,3 +320,9 @@ def test_windows_outside_the_picture_are_refused(window: Any) -> None:
         rig.cropped(*window)
     with pytest.raises(InvalidArgument, match="inside the 640x480 picture"):
         rig.rectification().cropped(*window)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 480)])
+def test_a_picture_too_small_to_rectify_is_a_typed_error(size):
+    with pytest.raises(InvalidArgument, match="at least 2"):
+        raw_rig().scaled(*size)

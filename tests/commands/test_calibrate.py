@@ -77,8 +77,36 @@ def test_pictures_without_a_board_are_skipped_and_too_few_are_refused(
     words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
     assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
     error = capsys.readouterr().err
-    assert "no whole board, skipped" in error and "pairs: must be at least 3" in error
+    assert "left out    1.png, 1.png: no whole board" in error and "pairs: must be at least 3" in error
     assert not (tmp_path / "rig.json").exists()
+
+
+def test_a_picture_that_cannot_be_read_ends_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    left = picture_folder(tmp_path / "l", "1.png", "2.png")
+    right = picture_folder(tmp_path / "r", "1.png", "2.png")
+    (left / "1.png").write_bytes(b"no picture")
+    words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
+    error = capsys.readouterr().err
+    assert "left out    1.png, 1.png: frame: must be a picture (PNG," in error
+    assert "left out    2.png, 2.png: no whole board" in error
+
+
+def test_a_wrong_pattern_is_called_a_pattern(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    left = picture_folder(tmp_path / "l", "1.png")
+    words = ["calibrate", "board", str(left), str(left), "--pattern", "9", "--square-mm", "3"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
+    assert "pattern: must be COLUMNSxROWS of inner corners" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "begins"), [("rig.yaml", "format:"), ("rig.YML", "format:"), ("rig.json", "{")])
+def test_the_name_of_the_file_chooses_its_form(tmp_path: Path, rig_file: Path, name: str, begins: str) -> None:
+    out = tmp_path / "new" / name
+    out.parent.mkdir()
+    assert main(["calibrate", "convert", str(rig_file), "--out", str(out)]) == 0
+    assert out.read_text().startswith(begins)
+    assert StereoCalibration.load(out) == raw_rig()
+    assert StereoCalibration.load(out).sha256 == raw_rig().sha256
 
 
 def test_pictures_of_two_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -55,7 +55,7 @@ def test_files_hold_what_the_result_holds(answered, tmp_path):
     read = {name: cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for name, path in files.items() if path.suffix == ".png"}
     assert np.allclose(read["disparity.png"] / 256, result.disparity, atol=1 / 512)
     valid = result.reasons == 0
-    assert np.allclose(read["depth.png"][valid], result.depth[valid], atol=0.51)
+    assert np.allclose(read["depth.png"][valid] / 10, result.depth[valid], atol=0.051)
     assert not read["depth.png"][~valid].any()
     assert np.array_equal(read["reasons.png"], result.reasons)
     assert np.allclose(read["confidence.png"] / 255, result.confidence, atol=1 / 510 + 1e-6)

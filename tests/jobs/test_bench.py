@@ -82,7 +82,7 @@ def test_sizes_that_no_camera_has_are_refused(size, capsys):
 
 def test_record_has_every_key(tmp_path):
     file = tmp_path / "bench.json"
-    assert main(["bench", "--model", "wang2020", *SMALL, "--against", "sgbm", "--json", str(file)]) == 0
+    assert main(["bench", "--model", "wang2020", *SMALL, "--against", "sgbm", "--out", str(file)]) == 0
     record = json.loads(file.read_text())
     assert record["window"] == [0, 0, 960, 720]
     assert record["fps"] > 0

@@ -25,7 +25,18 @@ def dataset_root(tmp_path_factory):
     return root
 
 
+class ExportedOnce(dict):
+    """Files of networks by name, each written when it is first asked for."""
+
+    def __init__(self, folder):
+        super().__init__()
+        self.folder = folder
+
+    def __missing__(self, name):
+        self[name] = export_into(self.folder, name)
+        return self[name]
+
+
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("models")
-    return {name: export_into(folder, name) for name in ("fast", "wang2020", "wang2020-photometric")}
+    return ExportedOnce(tmp_path_factory.mktemp("models"))

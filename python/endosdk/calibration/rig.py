@@ -201,7 +201,10 @@ class StereoCalibration:
         return type(self), tuple(getattr(self, part.name) for part in fields(self))
 
     def save(self, path: str | Path) -> None:
-        """Write the calibration as endosdk JSON; reading it back gives an equal object. Raises `StorageFailed`."""
+        """Write endosdk's own layout, YAML or JSON by the name's ending; what is read back is equal.
+
+        Raises `StorageFailed`.
+        """
         from endosdk.calibration.files import native
 
         if not isinstance(path, str | Path):

@@ -48,14 +48,14 @@ def finite_array(name: str, value: Any, shape: tuple[int, ...] | None = None) ->
 
 
 def check_size(name: str, value: Any) -> tuple[int, int]:
-    """Return a picture size (width, height) as two positive ints."""
+    """Return a picture size (width, height) as two ints, at least 2: the rectifier interpolates between pixels."""
     try:
         width, height = value
     except (TypeError, ValueError) as error:
         raise InvalidArgument(name, "must be (width, height)", repr(value)) from error
     for side in (width, height):
-        if isinstance(side, bool) or not isinstance(side, Integral) or side <= 0:
-            raise InvalidArgument(name, "must be two positive whole numbers (width, height)", repr(value))
+        if isinstance(side, bool) or not isinstance(side, Integral) or side < 2:
+            raise InvalidArgument(name, "must be two whole numbers, at least 2 (width, height)", repr(value))
     return int(width), int(height)
 
 

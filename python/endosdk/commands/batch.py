@@ -5,45 +5,42 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from endosdk.commands.options import add_calibration, add_model, add_processes, add_session, session_options
+from endosdk.commands.report import Report
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("left", type=Path, help="folder of the left views")
     parser.add_argument("right", type=Path, help="folder of the right views, with the same numbers in their names")
     parser.add_argument("--out", type=Path, required=True, help="folder for the maps; a batch begun there is continued")
-    parser.add_argument("--model", default="fast", help="shipped name or .onnx file (default: %(default)s)")
-    parser.add_argument("--calibration", type=Path, help="rig file; without it the pairs must be rectified already")
-    parser.add_argument(
-        "--network-size", metavar="WxH", help="size the network works at (default: what the model is made for)"
-    )
-    parser.add_argument("--provider", default="cpu", help="cpu, cuda, tensorrt (default: %(default)s)")
-    parser.add_argument("--threads", type=int, help="processor threads of each worker (default: all; 1 of several)")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
-    parser.add_argument("--ray", action="store_true", help="work on the Ray cluster of $RAY_ADDRESS, or a local one")
+    add_model(parser)
+    add_calibration(parser)
+    add_session(parser, all_threads="all; 1 in each of several workers")
+    add_processes(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compute what is missing; the status is 1 where pictures could not be used."""
+    """Compute what is missing; the status is 1 where pictures, or the maps of a pair, cannot be used."""
     from endosdk import StereoCalibration
-    from endosdk.commands.sizes import parse_size
     from endosdk.jobs.batch import PAIRS, Settings, find_pairs, run_batch
 
-    settings = Settings(
-        model=args.model,
-        calibration=StereoCalibration.load(args.calibration) if args.calibration else None,
-        network_size=parse_size(args.network_size) if args.network_size else None,
-        provider=args.provider,
-        threads=1 if args.threads is None and (args.ray or args.workers > 1) else args.threads,
-    )
+    options = session_options(args)
+    if args.threads is None and (args.ray or args.workers > 1):
+        options["threads"] = 1
+    rig = StereoCalibration.load(args.calibration) if args.calibration else None
+    settings = Settings(model=args.model, calibration=rig, **options)
     pairs = find_pairs(args.left, args.right)
     try:
         record = run_batch(pairs, settings, args.out, workers=args.workers, ray=args.ray)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
+    report = Report(args)
+    report.record = {**record, "out": args.out / PAIRS}
     model = record["settings"]["model"]
-    print(f"model      {model['name']} {model['version']}")
-    print("pairs      " + ", ".join(f"{count} {status}" for status, count in sorted(record["status"].items())))
+    report.line(f"model      {model['name']} {model['version']}")
+    report.line("pairs      " + ", ".join(f"{count} {status}" for status, count in sorted(record["status"].items())))
     for name, error in record["failed"].items():
-        print(f"FAILED     {name}: {error}")
-    print(f"written    {args.out / PAIRS}")
-    return 1 if record["failed"] else 0
+        report.line(f"FAILED     {name}: {error}")
+    report.line(f"written    {args.out / PAIRS}")
+    return report.end(usable=not record["failed"] and "INVALID" not in record["status"])

@@ -6,13 +6,17 @@ import argparse
 import json
 from pathlib import Path
 
+from endosdk.commands.report import Report
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("run", help="run folder or checkpoint; with --triton alone a shipped name or .onnx file")
-    parser.add_argument("--out", type=Path, help="the .onnx file to write")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="the .onnx file to write (default: none, which --triton alone allows)"
+    )
     parser.add_argument("--name", help="name under which the model is loaded (default: that of the network)")
-    parser.add_argument("--model-version", default="1", help="version of the weights (default: %(default)s)")
+    parser.add_argument("--model-version", default="1", help="version of the weights")
     parser.add_argument(
         "--data",
         type=Path,
@@ -23,7 +27,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--int8",
         type=Path,
         metavar="FILE",
-        help="write the form in 8-bit integers too, named for its file; ranges come from the data of the run",
+        help="write the form in 8-bit integers too, named for its file; ranges come from the data of the run"
+        " (default: not written)",
     )
     parser.add_argument(
         "--answer-cell",
@@ -32,9 +37,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="give one answer for N x N of the network's, their mean; the SDK then draws edges by the left view"
         " (default: as it was trained)",
     )
-    parser.add_argument("--weights", type=Path, metavar="FILE", help="write the weights too, to train on from there")
     parser.add_argument(
-        "--triton", type=Path, metavar="DIR", help="add the model (that of --int8, if given) to a Triton repository"
+        "--weights",
+        type=Path,
+        metavar="FILE",
+        help="write the weights too, to train on from there (default: not written)",
+    )
+    parser.add_argument(
+        "--triton",
+        type=Path,
+        metavar="DIR",
+        help="add the model (that of --int8, if given) to a Triton repository (default: none)",
     )
     parser.add_argument("--layout", help="how the set of --data is laid out (default: endosdk)")
 
@@ -49,8 +62,7 @@ def run(args: argparse.Namespace) -> int:
         for name in ("int8", "weights", "data", "name"):
             if getattr(args, name) is not None:
                 raise InvalidArgument(name, "is for a training run that is exported; give --out", getattr(args, name))
-        _serve(args.run, args.triton)
-        return 0
+        return _serve(Report(args), args.run, args.triton).end()
     from endosdk.training import checkpoint
     from endosdk.training.release import release
 
@@ -61,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     if args.layout is not None and args.data is None:
         raise InvalidArgument("layout", "is that of --data; give both", args.layout)
     trained = checkpoint.load(Path(args.run))
-    report = release(
+    figures = release(
         trained,
         args.out,
         name=args.name,
@@ -73,14 +85,19 @@ def run(args: argparse.Namespace) -> int:
     )
     if args.weights:
         checkpoint.save_weights(args.weights, trained)
-    print(json.dumps(report, indent=1))
-    print("written " + ", ".join(str(file) for file in (args.out, args.int8, args.weights) if file))
+    report = Report(args)
+    files = [file for file in (args.out, args.int8, args.weights) if file]
+    report.record = {**figures, "files": files}
+    report.line(json.dumps(figures, indent=1))
+    report.line("written " + ", ".join(map(str, files)))
     if args.triton:
-        _serve(str(args.int8 or args.out), args.triton)
-    return 0
+        _serve(report, str(args.int8 or args.out), args.triton)
+    return report.end()
 
 
-def _serve(model: str, repository: Path) -> None:
+def _serve(report: Report, model: str, repository: Path) -> Report:
     from endosdk.io.triton import write_repository
 
-    print(f"written {write_repository(model, repository)}")
+    written = report.record["triton"] = write_repository(model, repository)
+    report.line(f"written {written}")
+    return report

@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from endosdk.commands.options import add_calibration, add_model, add_session, session_options
+from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
 
 if TYPE_CHECKING:
+    from endosdk.runtime.estimator import DepthEstimator
+    from endosdk.runtime.maps import FloatMap
     from endosdk.runtime.result import DepthResult
 
 VERTICAL_DISPARITY_LIMIT = 1.5  # px; beyond it rows of the two views do not correspond and matching along rows fails
@@ -20,81 +24,119 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("left", type=Path, help="left view, a picture file")
     parser.add_argument("right", type=Path, help="right view, a picture file")
-    parser.add_argument("--model", default="fast", help="shipped name or .onnx file (default: %(default)s)")
-    parser.add_argument("--calibration", type=Path, help="rig file; without it the pair must be rectified already")
+    add_model(parser)
+    add_calibration(parser)
+    add_session(parser)
     parser.add_argument(
-        "--network-size",
-        metavar="WxH",
-        help="size the network works at (default: what the model is made for)",
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="true disparity of the rectified left view, 16-bit PNG times 256 (default: none)",
     )
-    parser.add_argument("--provider", default="cpu", help="cpu, cuda, tensorrt (default: %(default)s)")
-    parser.add_argument("--threads", type=int, help="processor threads (default: all)")
-    parser.add_argument("--truth", type=Path, help="true disparity of the rectified left view, 16-bit PNG times 256")
-    parser.add_argument("--frames", type=int, default=3, help="frames timed after the first (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results (default: %(default)s)")
+    parser.add_argument("--frames", type=int, default=3, help="frames timed after the first")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="folder for the results")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Predict, write the files, print what was found."""
-    from endosdk import DepthEstimator, StereoCalibration
-    from endosdk.commands.sizes import parse_size
-    from endosdk.evaluation.vertical_disparity import vertical_disparity
+    """Predict, write the files, say what was found; the status is 1 where the maps cannot be used."""
+    from endosdk import DepthEstimator, Status, StereoCalibration
     from endosdk.io.pictures import read_frame, write_result
 
     left, right = read_frame(args.left), read_frame(args.right)
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    estimator = DepthEstimator(
-        args.model,
-        calibration=rig,
-        provider=args.provider,
-        threads=args.threads,
-        network_size=parse_size(args.network_size) if args.network_size else None,
-    )
+    estimator = DepthEstimator(args.model, calibration=rig, **session_options(args))
     result = estimator.predict(left, right)
+    result, totals = _timed(estimator, left, right, result, args.frames)
+    views = estimator.rectify(left, right)
+    files = write_result(args.out, views[0], result)
+    report = Report(args)
+    provider = estimator.diagnostics()["provider"]
+    report.record = {
+        "model": {"name": result.model.name, "version": result.model.version, "sha256": result.model.sha256},
+        "provider": provider,
+        "calibration_sha256": result.calibration_sha256,
+    }
+    report.line(f"model      {result.model.name} {result.model.version} on {provider}")
+    _report_maps(report, result)
+    _report_speed(report, result, totals)
+    if args.truth:
+        _report_error(report, result, args.truth)
+    _report_rows(report, *views, calibrated=rig is not None)
+    report.record["files"] = files
+    for number, path in enumerate(files.values()):
+        report.line(f"{'' if number else 'written':10} {path}")
+    return report.end(usable=result.status != Status.INVALID)
+
+
+def _timed(
+    estimator: DepthEstimator, left: np.ndarray, right: np.ndarray, result: DepthResult, frames: int
+) -> tuple[DepthResult, list[float]]:
+    """Repeat the prediction; return its last result and the time of each frame, ms."""
+    from endosdk.jobs.progress import progress
+
     totals = []
-    for number in range(args.frames):
-        print(f"\rtiming frame {number + 1} of {args.frames}", end="", flush=True)
+    for _ in progress(range(frames), unit="frame", title="timing", stays=False):
         result = estimator.predict(left, right, out=result)
         totals.append(result.timings.total_ms)
-    print("\r" + " " * 40 + "\r", end="")
-    view, other = estimator.rectify(left, right)
-    files = write_result(args.out, view, result)
-    print(f"model      {result.model.name} {result.model.version} on {estimator.diagnostics()['provider']}")
-    _print_maps(result)
-    if totals:
-        median = sorted(totals)[len(totals) // 2]
-        t = result.timings
-        stages = f"rectify {t.rectify_ms:.1f}, session {t.session_ms:.1f}, postprocess {t.postprocess_ms:.1f} ms"
-        print(f"speed      {1000 / median:.2f} FPS ({stages})")
-    if args.truth:
-        _print_error(result, args.truth)
-    offset = vertical_disparity(view, other)
-    if offset.median_px is not None and offset.median_px > VERTICAL_DISPARITY_LIMIT:
-        print(f"WARNING    rows differ by {offset.median_px:.1f} px (median): not rectified; give --calibration")
-    for name, path in files.items():
-        print(f"{'written' if name == 'disparity.png' else '':10} {path}")
-    return 0
+    return result, totals
 
 
-def _print_maps(result: DepthResult) -> None:
-    answered = result.reasons == 0
-    print(f"valid      {100 * result.valid_share:.1f} % of pixels, status {result.status.name}")
-    if not answered.any():
+def _report_maps(report: Report, result: DepthResult) -> None:
+    valid = result.reasons == 0
+    report.record |= {"status": result.status.name, "valid_share": result.valid_share}
+    report.line(f"valid      {100 * result.valid_share:.1f} % of pixels, status {result.status.name}")
+    if not valid.any():
         return
-    low, mid, high = np.percentile(result.disparity[answered], (2, 50, 98))
-    print(f"disparity  {low:.1f} .. {high:.1f} px (median {mid:.1f})")
+    low, median, high = report.record["disparity_px"] = _percentiles(result.disparity[valid])
+    report.line(f"disparity  {low:.1f} .. {high:.1f} px (median {median:.1f})")
     if result.depth_map is not None and result.sigma_map is not None:
-        low, mid, high = np.percentile(result.depth_map[answered], (2, 50, 98))
-        sigma = np.median(result.sigma_map[answered])
-        print(f"depth      {low:.1f} .. {high:.1f} mm (median {mid:.1f}), expected error {sigma:.2f} mm (median)")
+        low, median, high = report.record["depth_mm"] = _percentiles(result.depth_map[valid])
+        sigma = report.record["sigma_mm"] = float(np.median(result.sigma_map[valid]))
+        report.line(
+            f"depth      {low:.1f} .. {high:.1f} mm (median {median:.1f}), expected error {sigma:.2f} mm (median)"
+        )
 
 
-def _print_error(result: DepthResult, path: Path) -> None:
+def _percentiles(values: FloatMap) -> list[float]:
+    """Return the 2nd, 50th and 98th percentile."""
+    return [float(value) for value in np.percentile(values, (2, 50, 98))]
+
+
+def _report_speed(report: Report, result: DepthResult, totals: list[float]) -> None:
+    if not totals:
+        return
+    fps = 1000 / sorted(totals)[len(totals) // 2]
+    stages = {name: getattr(result.timings, f"{name}_ms") for name in ("rectify", "session", "postprocess")}
+    report.record |= {"fps": fps, "stages_ms": stages}
+    parts = ", ".join(f"{name} {value:.1f}" for name, value in stages.items())
+    report.line(f"speed      {fps:.2f} FPS ({parts} ms)")
+
+
+def _report_error(report: Report, result: DepthResult, path: Path) -> None:
     from endosdk.datasets.dataset import read_disparity
 
     truth = read_disparity(path)
     if truth.shape != result.disparity.shape:
         raise InvalidArgument("truth", f"must have the size of the result, {result.disparity.shape}", truth.shape)
     error = np.abs(result.disparity - truth)[np.isfinite(truth)]
-    bad = 100 * np.mean(error > 1)
-    print(f"error      {error.mean():.3f} px against the truth, {bad:.1f} % of {error.size} pixels over 1 px")
+    bad = float(np.mean(error > 1))
+    report.record["error"] = {"epe_px": float(error.mean()), "kpe_1": bad, "pixels": error.size}
+    report.line(
+        f"error      {error.mean():.3f} px against the truth, {100 * bad:.1f} % of {error.size} pixels over 1 px"
+    )
+
+
+def _report_rows(report: Report, left: np.ndarray, right: np.ndarray, *, calibrated: bool) -> None:
+    """Say by how much the rows of the rectified views differ, and what that means."""
+    from endosdk.evaluation.vertical_disparity import vertical_disparity
+
+    offset = vertical_disparity(left, right)
+    report.record["vertical_disparity_px"] = offset.median_px
+    if offset.median_px is None or offset.median_px <= VERTICAL_DISPARITY_LIMIT:
+        return
+    cause = (
+        "the calibration does not fit these pictures (another rig, a rig that moved, or the views swapped)"
+        if calibrated
+        else "the pair is not rectified; give --calibration"
+    )
+    report.line(f"WARNING    rows differ by {offset.median_px:.1f} px (median): {cause}")

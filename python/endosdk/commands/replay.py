@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from endosdk.commands.report import Report
+
 if TYPE_CHECKING:
     from endosdk.live.recording.recording import Recording
 
@@ -36,8 +38,10 @@ def run(args: argparse.Namespace) -> int:
         export(recording, args.out)
     else:
         _write_pictures(recording, args.out)
-    print(f"written    {args.out}: {recording.count} frames")
-    return 0
+    report = Report(args)
+    report.record = {"out": args.out, "frames": recording.count}
+    report.line(f"written    {args.out}: {recording.count} frames")
+    return report.end(usable=recording.count > 0)
 
 
 def _write_pictures(recording: Recording, out: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from endosdk.commands.report import Report
 from endosdk.commands.sources import add_estimator, add_source, made_estimator, opened_source
 
 
@@ -28,11 +29,13 @@ def run(args: argparse.Namespace) -> int:
             told = record(source, made_estimator(args), args.out, pictures=not args.no_pictures, most=args.frames)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
+    report = Report(args)
+    report.record = {**told, "out": args.out}
     counts = ", ".join(f"{count} {status}" for status, count in sorted(told["status"].items()))
-    print(f"frames     {told['frames']}: {counts or 'none'}")
+    report.line(f"frames     {told['frames']}: {counts or 'none'}")
     if told["dropped"]:
-        print(f"dropped    {told['dropped']}")
+        report.line(f"dropped    {told['dropped']}")
     for fault in told["faults"][:10]:
-        print(f"FAULT      {fault}")
-    print(f"written    {args.out}")
-    return 0 if set(told["status"]) - {"INVALID"} else 1
+        report.line(f"FAULT      {fault}")
+    report.line(f"written    {args.out}")
+    return report.end(usable=bool(set(told["status"]) - {"INVALID"}))

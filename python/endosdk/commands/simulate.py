@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from endosdk.commands.options import add_processes
+from endosdk.commands.report import Report
+
 if TYPE_CHECKING:
     from endosdk.simulation.recipe import Recipe
-
 
 # What describes a set, which a published recipe settles: usual value, and what the option means.
 _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
@@ -30,7 +31,7 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "focal": (400.0, "focal length in pixels"),
     "baseline": (10.0, "mm between the lenses"),
     "min_disparity": (2.0, "px, aimed at"),
-    "max_disparity": (69.5, "px, never exceeded; with --rig drawn, 25 %% of the width unless given"),
+    "max_disparity": (69.5, "px, never exceeded (default: 69.5; with --rig drawn 25 %% of the width)"),
     "faults": (False, "spoil the pictures: field of view, rows, blur of one eye, glare, smoke, noise and more"),
     "video": (False, "move along the path: every pair becomes a video of frames"),
     "frames": (100, "of each video, 25 a second"),
@@ -55,16 +56,21 @@ def _option(name: str) -> str:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--out", type=Path, help="folder to write the data set to; a set begun there is continued")
+    what.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder to write the data set to; a set begun there is continued"
+    )
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
-        "--spoil", type=Path, metavar="DIR", help="render nothing: write the pairs of this set with --faults into --out"
+        "--spoil",
+        type=Path,
+        metavar="DIR",
+        help="render nothing: write the pairs of this set with --faults into --out (default: render)",
     )
     parser.add_argument(
         "--recipe",
         metavar="NAME",
-        help="a published set, such as endosim-lap; settles all but --pairs and --test-pairs",
+        help="a published set, such as endosim-lap; settles all but --pairs and --test-pairs (default: none)",
     )
     described = parser.add_argument_group("what describes a set")
     for name, (usual, text) in _SETTINGS.items():
@@ -72,11 +78,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
             action = "store_false" if usual else "store_true"
             described.add_argument(_option(name), dest=name, action=action, default=None, help=text)
         else:
-            described.add_argument(_option(name), type=type(usual), help=f"{text} (default {usual})")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
-    parser.add_argument("--ray", action="store_true", help="render on the Ray cluster of $RAY_ADDRESS, or a local one")
+            described.add_argument(
+                _option(name), type=type(usual), help=text if "default" in text else f"{text} (default: {usual})"
+            )
+    add_processes(parser)
     parser.add_argument(
-        "--cycles-python", type=Path, metavar="PATH", help="a Python that has bpy, for --renderer cycles"
+        "--cycles-python",
+        type=Path,
+        metavar="PATH",
+        help="a Python that has bpy, for --renderer cycles (default: that of --setup-cycles)",
     )
 
 
@@ -85,24 +95,29 @@ def run(args: argparse.Namespace) -> int:
     if args.setup_cycles:
         from endosdk.simulation.cycles.environment import set_up
 
-        print(set_up())
-        return 0
+        report = Report(args)
+        report.record["python"] = set_up()
+        report.line(str(report.record["python"]))
+        return report.end()
     if args.check is not None:
-        return _check(args.check)
+        return _check(args)
     return _spoil(args) if args.spoil is not None else _render(args)
 
 
-def _check(root: Path) -> int:
+def _check(args: argparse.Namespace) -> int:
     from endosdk.datasets.dataset import verify_dataset
 
-    count = faults = 0
-    for name, fault in verify_dataset(root):
+    report = Report(args)
+    count = 0
+    faults: dict[str, str] = {}
+    for name, fault in verify_dataset(args.check):
         count += 1
         if fault is not None:
-            faults += 1
-            print(f"{name}: {fault}")
-    print(f"{count - faults} of {count} samples are as recorded")
-    return 1 if faults else 0
+            faults[name] = fault
+            report.line(f"{name}: {fault}")
+    report.record = {"samples": count, "faults": faults}
+    report.line(f"{count - len(faults)} of {count} samples are as recorded")
+    return report.end(usable=not faults)
 
 
 def _spoil(args: argparse.Namespace) -> int:
@@ -114,8 +129,10 @@ def _spoil(args: argparse.Namespace) -> int:
         options = ", ".join([*(_option(name) for name in given), *(["--recipe"] if args.recipe else [])])
         raise InvalidArgument("spoil", "takes the pairs as they are, so leave out the rest but --seed", options)
     record = spoil_set(args.spoil, args.out, args.seed if args.seed is not None else 1)
-    print(f"{args.out}: {sum(len(ids) for ids in record['samples'].values())} spoiled pairs", file=sys.stderr)
-    return 0
+    report = Report(args)
+    report.record = {"out": args.out, "pairs": sum(len(ids) for ids in record["samples"].values())}
+    report.line(f"{args.out}: {report.record['pairs']} spoiled pairs")
+    return report.end()
 
 
 def _render(args: argparse.Namespace) -> int:
@@ -127,8 +144,10 @@ def _render(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
     counts = {split: len(ids) for split, ids in record["samples"].items()}
-    print(f"{args.out}: {counts['train']} training and {counts['test']} test pairs", file=sys.stderr)
-    return 0
+    report = Report(args)
+    report.record = {"out": args.out, "pairs": counts}
+    report.line(f"{args.out}: {counts['train']} training and {counts['test']} test pairs")
+    return report.end()
 
 
 def _recipe(args: argparse.Namespace) -> Recipe:

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
+
+from endosdk.commands.report import Report
+from endosdk.training.config import TrainConfig
 
 # Settings that the command line offers, with the text that --help shows; the rest keep the defaults of TrainConfig.
 _SETTINGS: dict[str, tuple[type, str]] = {
     "max_disparity": (int, "range of the network in px, a multiple of 8"),
-    "inference_width": (int, "width in px at which frames are to be seen; narrower is quicker"),
+    "inference_width": (
+        int,
+        "width in px at which frames are to be seen; narrower is quicker (default: the network's own)",
+    ),
     "layout": (str, "how the data set is laid out"),
-    "train_pairs": (int, "use only the first so many pairs"),
+    "train_pairs": (int, "use only the first so many pairs (default: all but those held out)"),
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
-    "init_from": (str, "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from"),
+    "init_from": (
+        str,
+        "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from (default: none)",
+    ),
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
@@ -38,28 +48,43 @@ _SETTINGS: dict[str, tuple[type, str]] = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments; what is not given keeps its default, or the run's own value when it is resumed."""
-    parser.add_argument("--data", nargs="+", metavar="DIR", help="roots of the data sets")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint, log.csv, log.json")
+    parser.add_argument(
+        "--data", nargs="+", metavar="DIR", help="roots of the data sets (default: those of the resumed run)"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", required=True, help="folder of the run: checkpoint, log.csv, log.json"
+    )
     parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
-    parser.add_argument("--network", help="wang2020, wang2020-photometric or fast")
+    parser.add_argument("--network", help="wang2020, wang2020-photometric or fast" + _default("network"))
     parser.add_argument(
         "--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px (default: the network's own)"
     )
     parser.add_argument(
-        "--refine-crop", type=int, nargs=2, metavar=("H", "W"), help="part of the crop that the refinement sees, px"
+        "--refine-crop",
+        type=int,
+        nargs=2,
+        metavar=("H", "W"),
+        help="part of the crop that the refinement sees, px (default: all)",
     )
     parser.add_argument(
         "--refine-only", action="store_true", default=None, help="let only the refinement learn (with --init-from)"
     )
-    parser.add_argument("--looks", nargs="*", metavar="NAME", help="looks of real endoscopes that pairs are given")
+    parser.add_argument(
+        "--looks", nargs="*", metavar="NAME", help="looks of real endoscopes given to pairs (default: none)"
+    )
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="plain crops")
     for name, (kind, text) in _SETTINGS.items():
-        parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text)
+        parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text + _default(name))
+
+
+def _default(name: str) -> str:
+    """Say what a setting is when it is not given; None stands for what the text says."""
+    default = next(field.default for field in fields(TrainConfig) if field.name == name)
+    return "" if default is None else f" (default: {default})"
 
 
 def run(args: argparse.Namespace) -> int:
     """Train and print where the result lies."""
-    from endosdk.training.config import TrainConfig
     from endosdk.training.train import train
 
     given = _given(args)
@@ -68,8 +93,10 @@ def run(args: argparse.Namespace) -> int:
 
         given = {**checkpoint.load(args.out).config.as_dict(), **given}
     trained = train(TrainConfig.from_dict(given), args.out, resume=args.resume)
-    print(f"written {trained}")
-    return 0
+    report = Report(args)
+    report.record["checkpoint"] = trained
+    report.line(f"written {trained}")
+    return report.end()
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:

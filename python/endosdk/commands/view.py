@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import time
 import webbrowser
 from pathlib import Path
@@ -21,9 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=int, default=0, help="port on the loopback address (default: any that is free)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser of this desktop")
     parser.add_argument("--paused", action="store_true", help="wait for play or step")
-    parser.add_argument(
-        "--recordings", type=Path, default=Path(), help="folder for what the record button writes (this one)"
-    )
+    parser.add_argument("--recordings", type=Path, default=Path(), help="folder for what the record button writes")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
 
     player = Player(made_estimator(args), opened_source(args), playing=not args.paused)
     server = Server(player, port=args.port, recordings=args.recordings)
-    print(f"open       {server.address}", flush=True)
+    print(json.dumps({"address": server.address}) if args.json else f"open       {server.address}", flush=True)
     if args.open:
         webbrowser.open(server.address)
     try:

@@ -18,7 +18,7 @@ from endosdk.evaluation.scores import ScoreBoard, evaluate_pair
 from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings, fill_holes
 from endosdk.io.overview import error_overview
 from endosdk.io.pictures import write_picture
-from endosdk.jobs.progress import show_progress
+from endosdk.jobs.progress import progress
 from endosdk.runtime.estimator import DepthEstimator
 
 FloatMap = npt.NDArray[np.float32]
@@ -57,8 +57,7 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
         raise InvalidArgument("pairs", "must be at least 1", pairs)
     count = len(reader) if pairs is None else min(pairs, len(reader))
     board, times, errors = ScoreBoard(), [], []
-    started = time.perf_counter()
-    for index in range(count):
+    for index in progress(range(count)):
         sample = reader[index]
         answer = method(sample)
         board.add(
@@ -73,7 +72,6 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
         )
         errors.append((_pair_error(answer, sample), sample.id, index))
         times.append(answer.milliseconds)
-        show_progress(index + 1, count, time.perf_counter() - started)
     measures = board.result()
     if not measures["all"]["pixels"]:
         raise DatasetInvalid("dataset", f"must have truth in its split {reader.split}", f"none in {count} pairs")

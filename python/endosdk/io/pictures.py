@@ -9,11 +9,13 @@ import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.bounded_read import Refused
-from endosdk.io.overview import overview
+from endosdk.io.overview import colour_map, overview, robust_range
 from endosdk.io.picture_bytes import read_picture
 from endosdk.io.point_cloud import write_ply
 from endosdk.io.whole_files import whole_file
 from endosdk.runtime.result import DepthResult
+
+DEPTH_STEPS_PER_MM = 10  # of depth.png: up to 6.5 m in steps far below any error
 
 
 def read_frame(path: str | Path) -> npt.NDArray[np.uint8]:
@@ -49,13 +51,16 @@ def write_picture(path: Path, picture: npt.NDArray[np.uint8] | npt.NDArray[np.ui
 def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthResult) -> dict[str, Path]:
     """Write what `write_maps` does, a picture of it all and the points; return name and path of each file.
 
-    ``overview.png`` shows the maps, ``points.ply`` holds the depth as coloured points. ``left`` is the rectified left
+    ``overview.png`` shows the maps, ``depth_preview.png`` the depth in colours, since ``depth.png`` looks black to most
+    viewers; ``points.ply`` holds the depth as coloured points. ``left`` is the rectified left
     view, RGB uint8 [H, W, 3] like the maps.
     """
     written = write_maps(folder, result)
     written["overview.png"] = Path(folder) / "overview.png"
     write_picture(written["overview.png"], overview(left, result))
     if result.depth_map is not None:
+        written["depth_preview.png"] = Path(folder) / "depth_preview.png"
+        write_picture(written["depth_preview.png"], colour_map(result.depth_map, *robust_range(result.depth_map)))
         written["points.ply"] = Path(folder) / "points.ply"
         write_ply(written["points.ply"], result.points(), left)
     return written
@@ -64,7 +69,7 @@ def write_result(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthR
 def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
-    ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit whole millimetres; both 0 where there is no value.
+    ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit, tenths of a mm; both 0 where there is no value.
     ``depth.npy`` keeps the float32 millimetres. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits.
     """
     folder = Path(folder)
@@ -78,7 +83,7 @@ def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
         "reasons.png": result.reasons,
     }
     if result.depth_map is not None:
-        pictures["depth.png"] = _to_uint16(result.depth_map)
+        pictures["depth.png"] = _to_uint16(result.depth_map * DEPTH_STEPS_PER_MM)
     written = {}
     for name, picture in pictures.items():
         write_picture(folder / name, picture)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +26,7 @@ from endosdk.io.picture_pairs import pair_pictures
 from endosdk.io.pictures import read_frame, write_maps
 from endosdk.io.whole_files import remove_partials, whole_folder, write_text
 from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
-from endosdk.jobs.progress import show_progress
+from endosdk.jobs.progress import progress
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import DepthResult
@@ -186,14 +185,10 @@ def _begun(path: Path) -> Any:
 def _compute(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> dict[str, str]:
     """Compute the missing pairs; return the errors of those whose pictures cannot be used, by name."""
     errors: dict[str, str] = {}
-    done = 0
-    started = time.monotonic()
-    for found in _shares(job, missing, workers, ray):
-        for name, error in found.items():
-            done += 1
-            if error is not None:
-                errors[name] = error
-        show_progress(done, len(missing), time.monotonic() - started)
+    with progress(total=len(missing)) as bar:
+        for found in _shares(job, missing, workers, ray):
+            errors.update({name: error for name, error in found.items() if error is not None})
+            bar.update(len(found))
     return dict(sorted(errors.items()))
 
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
-from endosdk.errors import DependencyMissing
+from endosdk.errors import DependencyMissing, must_install
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
@@ -81,7 +81,7 @@ def work_on_ray(
     try:
         import ray
     except ImportError as error:
-        raise DependencyMissing("ray", "needs Ray: pip install 'endosdk[ray]'", error) from error
+        raise DependencyMissing("ray", must_install("ray"), "nothing") from error
     started = not ray.is_initialized()
     if started:
         ray.init(log_to_driver=False, include_dashboard=False)

@@ -10,6 +10,7 @@ from typing import Any
 from endosdk.datasets.dataset import FORMAT_VERSION, hash_sample, write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.io.whole_files import PARTIAL, remove_partials, write_text
+from endosdk.jobs.progress import progress as progress_bar
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.render import Job, Task
 from endosdk.simulation.render_processes import render_apart, render_here, render_on_ray
@@ -77,9 +78,7 @@ def _compare(begun: Any, wanted: dict[str, Any], root: Path) -> None:
         raise InvalidArgument("out", "must be new, or hold a set begun with the same settings", root)
 
 
-def _render_all(job: Job, tasks: list[Task], workers: int, progress: bool, ray: bool) -> None:
-    from tqdm import tqdm
-
+def _render_all(job: Job, tasks: list[Task], workers: int, shown: bool, ray: bool) -> None:
     frames = max(1, job.recipe.frames)
     total = len(job.recipe.tasks()) * frames
     if ray:
@@ -87,9 +86,7 @@ def _render_all(job: Job, tasks: list[Task], workers: int, progress: bool, ray: 
     else:
         finished = render_here(job, tasks) if workers == 1 else render_apart(job, tasks, workers)
     unit = "frame" if job.recipe.frames else "pair"
-    with tqdm(
-        total=total, initial=total - len(tasks) * frames, unit=unit, disable=None if progress else True, smoothing=0.1
-    ) as bar:
+    with progress_bar(total=total, done=total - len(tasks) * frames, unit=unit, shown=shown) as bar:
         for count in finished:
             bar.update(count)
 

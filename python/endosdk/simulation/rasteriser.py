@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, RendererUnavailable
+from endosdk.errors import DependencyMissing, RendererUnavailable, must_install
 from endosdk.simulation.camera import Pose, View
 from endosdk.simulation.geometry import Mesh
 from endosdk.simulation.noise import Array
@@ -42,7 +42,7 @@ class Rasteriser:
         try:
             import moderngl
         except ImportError as error:
-            raise DependencyMissing("renderer", "needs moderngl: pip install 'endosdk[simulate]'", error) from error
+            raise DependencyMissing("moderngl", must_install("simulate"), "nothing") from error
         try:
             self._gl: Any = moderngl.create_context(**EGL)
         except Exception as error:

@@ -19,10 +19,10 @@ import onnx
 from numpy.typing import NDArray
 from onnx import numpy_helper
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
-from tqdm import tqdm
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
+from endosdk.jobs.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.model_file import write_model
 
@@ -200,7 +200,7 @@ class _Frames(CalibrationDataReader):  # type: ignore[misc]
     def _read(reader: DatasetReader, indices: Sequence[int], properties: dict[str, str]) -> Iterator[dict[str, Any]]:
         multiple = int(properties[PREFIX + "input_multiple"])
         inference_width = properties.get(PREFIX + "inference_width")
-        for index in tqdm(indices, desc="measuring ranges", unit="pair"):
+        for index in progress(indices, title="measuring ranges"):
             sample = reader[index]
             height, width = sample.left.shape[:2]
             size = seen_size(width, height, None if inference_width is None else int(inference_width))

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
 from endosdk.errors import InvalidArgument, ProviderUnavailable, StorageFailed
+from endosdk.jobs.progress import progress
 from endosdk.training import checkpoint
 from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
@@ -124,7 +126,7 @@ class Run:
     def fit(self) -> None:
         """Take every step that is left: first those of the coarse stage alone, then those of both."""
         turn = min(max(self.config.refine_from_step, 0), self.config.steps)
-        with tqdm(total=self.config.steps, initial=self.step, unit="step", disable=self.rank > 0) as bar:
+        with progress(total=self.config.steps, done=self.step, unit="step", shown=self.rank == 0) as bar:
             for first, last, refined in ((0, turn, False), (turn, self.config.steps, True)):
                 if max(first, self.step) < last:
                     self._fit_stage(last, refined, bar)
@@ -224,7 +226,7 @@ class Run:
             entry = {"step": float(self.step), "seconds": round(self.seconds, 1)}
             entry.update(mean_errors(self.network, self.reader, self.held_out, refined=refined))
             self.history.append(entry)
-            bar.write("  ".join(f"{name} {value:.4g}" for name, value in entry.items()))
+            bar.write("  ".join(f"{name} {value:.4g}" for name, value in entry.items()), file=sys.stderr)
             self._write_summary()
         if self.world > 1:
             dist.barrier()

@@ -11,11 +11,11 @@ import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
-from tqdm import tqdm
 
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.errors import DatasetInvalid, InferenceFailed
 from endosdk.evaluation.scores import ScoreBoard
+from endosdk.jobs.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.networks.base import StereoNetwork
 from endosdk.training.upsampling import on_input_grid, to_input_grid
@@ -43,7 +43,7 @@ def predict_frames(
     """Run the network in evaluation mode over whole pairs, with a progress bar when there is a title."""
     device = next(network.parameters()).device
     network.eval()
-    for index in tqdm(indices, desc=title, unit="pair", disable=not title, leave=False):
+    for index in progress(indices, title=title, shown=bool(title), stays=False):
         sample = reader[index]
         size = seen_size(sample.left.shape[1], sample.left.shape[0], network.inference_width)
         factor = sample.left.shape[1] / size[0]

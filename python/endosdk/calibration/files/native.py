@@ -1,4 +1,4 @@
-"""endosdk's own layout: JSON, versioned, with the hash of its content; what is written is read back exactly.
+"""endosdk's own layout: JSON or YAML, versioned, with the hash of its content; what is written is read back exactly.
 
 ::
 
@@ -14,11 +14,14 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from endosdk.calibration.files.raw import StatedRig, read_text, refusal, required
+import yaml
+
+from endosdk.calibration.files.raw import StatedRig, read_text, refusal, required, yaml_mapping
 from endosdk.calibration.rules import check_size
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
 from endosdk.io.bounded_read import Refused
@@ -31,11 +34,12 @@ VERSION = 1
 
 def looks_like(text: str) -> bool:
     """Whether the text of a file is in this layout, whatever the file is called."""
-    return text.lstrip().startswith("{") and f'"{FORMAT}"' in text
+    json_like = text.lstrip().startswith("{") and f'"{FORMAT}"' in text
+    return json_like or re.search(rf"^format: {FORMAT}\s*$", text, re.MULTILINE) is not None
 
 
 def read(paths: tuple[Path, ...], *, size: tuple[int, int] | None = None, units: str | None = None) -> StatedRig:
-    """Read one endosdk JSON file; ``size`` must agree with it, and ``units`` may only repeat "mm"."""
+    """Read one endosdk file; ``size`` must agree with it, and ``units`` may only repeat "mm"."""
     if len(paths) != 1 or paths[0].is_dir():
         raise InvalidArgument("path", "an endosdk calibration is one file", [str(path) for path in paths])
     if units not in (None, "mm"):
@@ -50,8 +54,9 @@ def read(paths: tuple[Path, ...], *, size: tuple[int, int] | None = None, units:
 
 
 def _parse(path: Path) -> dict[str, Any]:
+    text = read_text(path)
     try:
-        content = parse_json(read_text(path))
+        content = parse_json(text) if text.lstrip().startswith("{") else _with_numbers(yaml_mapping(path, text))
     except Refused as error:
         raise refusal(path, error) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -62,6 +67,23 @@ def _parse(path: Path) -> dict[str, Any]:
     if content.get("units") != "mm":
         raise CalibrationUnreadable(f"{path.name}: units", "must be mm", content.get("units"))
     return content
+
+
+def _with_numbers(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn the text of a YAML file's numbers into numbers; words stay words."""
+    words = ("format", "units", "model", "sha256")
+    return {name: value if name in words else _numbers(value) for name, value in content.items()}
+
+
+def _numbers(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _numbers(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_numbers(one) for one in value]
+    try:
+        return int(value) if value.isdecimal() else float(value)
+    except (AttributeError, ValueError):
+        return value
 
 
 def _fields(path: Path, content: dict[str, Any]) -> dict[str, Any]:
@@ -75,6 +97,20 @@ def _fields(path: Path, content: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(content: Mapping[str, Any], sha256: str, path: Path) -> None:
-    """Write the content of a calibration and its hash, whole or not at all. Raises `StorageFailed`."""
+    """Write the content of a calibration and its hash, whole or not at all; YAML where the name ends in .yaml or .yml.
+
+    Raises `StorageFailed`.
+    """
     document = {"format": FORMAT, "version": VERSION, **content, "sha256": sha256}
-    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    if path.suffix.lower() in (".yaml", ".yml"):
+        write_text(path, yaml.dump(document, Dumper=_NumbersInLines, sort_keys=False, width=120))
+    else:
+        write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+class _NumbersInLines(yaml.SafeDumper):
+    """Writes a list of numbers in one line, a float with every digit that it needs."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> yaml.SequenceNode:
+        flat = not any(isinstance(item, list) for item in sequence)
+        return super().represent_sequence(tag, sequence, flow_style=flat)

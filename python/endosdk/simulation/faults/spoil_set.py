@@ -10,6 +10,7 @@ from typing import Any
 from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.jobs.progress import progress as progress_bar
 from endosdk.simulation.faults.spoil import draw_faults, spoil
 
 
@@ -19,8 +20,6 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
     A pair's faults follow from ``seed`` and its id. Raises InvalidArgument where ``root`` holds anything,
     DatasetInvalid where the source is not a complete set, StorageFailed where the new one cannot be written.
     """
-    from tqdm import tqdm
-
     readers = {split: open_dataset(source, split) for split in SPLITS}
     out = Path(root)
     try:
@@ -33,7 +32,7 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
     samples: dict[str, dict[str, str]] = {}
     for split, reader in readers.items():
         samples[split] = {}
-        for sample in tqdm(reader, total=len(reader), unit="pair", disable=None if progress else True):
+        for sample in progress_bar(reader, total=len(reader), shown=progress):
             samples[split][sample.id] = write_sample(out, split, _spoilt(sample, seed))
     whole = readers[SPLITS[0]]
     record = {

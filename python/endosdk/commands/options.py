@@ -1,0 +1,93 @@
+"""What the verbs' arguments have in common: the parser, its help, and the options that several verbs take."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from endosdk.errors import InvalidArgument
+
+
+class _Help(argparse.HelpFormatter):
+    """Help that shows every default."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        shown = action.default is None or isinstance(action.default, bool) or action.default == argparse.SUPPRESS
+        if shown or action.help is None or "default" in action.help:
+            return action.help
+        return action.help + " (default: %(default)s)"
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that shows every default, takes no abbreviations, and prints its help when it is called bare."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(formatter_class=_Help, allow_abbrev=False, **options)
+        self._bare = False
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Note whether there is anything to parse."""
+        self._bare = not (sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Print the help where nothing was given, else what is wrong."""
+        if self._bare:
+            self.print_help(sys.stderr)
+            self.exit(2)
+        super().error(message)
+
+
+def add_model(parser: argparse.ArgumentParser, *, others: str = "") -> None:
+    """Add which model runs."""
+    parser.add_argument("--model", default="fast", help=f"shipped name, .onnx file{others}")
+
+
+def add_calibration(parser: argparse.ArgumentParser) -> None:
+    """Add the rig of raw pairs."""
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="rig of raw pictures (default: none; the pictures must be rectified already)",
+    )
+
+
+def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, all_threads: str = "all") -> None:
+    """Add how a model runs: size, provider, threads."""
+    parser.add_argument(
+        "--network-size",
+        metavar="WxH",
+        help="size the network works at, such as 480x360 (default: what the model is made for)",
+    )
+    parser.add_argument("--provider", default="cpu", help="what computes: cpu, cuda, tensorrt or openvino")
+    usual = "" if threads is not None else f" (default: {all_threads})"
+    parser.add_argument("--threads", type=int, default=threads, help=f"processor threads{usual}")
+
+
+def add_processes(parser: argparse.ArgumentParser) -> None:
+    """Add who does the tasks of a long job."""
+    parser.add_argument("--workers", type=int, default=1, help="processes that work at a time")
+    parser.add_argument("--ray", action="store_true", help="work on the Ray cluster of $RAY_ADDRESS, or a local one")
+
+
+def session_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what `add_session` added as arguments of `DepthEstimator`."""
+    return {
+        "provider": args.provider,
+        "threads": args.threads,
+        "network_size": parse_size(args.network_size) if args.network_size else None,
+    }
+
+
+def parse_size(
+    text: str, name: str = "size", rule: str = "must be WIDTHxHEIGHT in whole pixels, such as 960x720"
+) -> tuple[int, int]:
+    """Turn ``WIDTHxHEIGHT``, or any two such numbers, into a pair."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
+        raise InvalidArgument(name, rule, repr(text))
+    return int(parts[0]), int(parts[1])
