@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     report = Report(args)
     report.record = {"out": args.out, "frames": recording.count}
     report.line(f"written    {args.out}: {recording.count} frames")
-    return report.end(usable=recording.count > 0)
+    return report.end(usable=bool(recording.count))
 
 
 def _write_pictures(recording: Recording, out: Path) -> None:

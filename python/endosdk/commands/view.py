@@ -6,9 +6,15 @@ import argparse
 import json
 import time
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endosdk.commands.sources import add_estimator, add_source, made_estimator, opened_source
+
+if TYPE_CHECKING:
+    from endosdk.live.viewer import Player
+    from endosdk.live.viewer.player import Shown
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open the page in the browser of this desktop")
     parser.add_argument("--paused", action="store_true", help="wait for play or step")
     parser.add_argument("--recordings", type=Path, default=Path(), help="folder for what the record button writes")
+    parser.add_argument("--rerun", type=Path, metavar="FILE.rrd", help="also write everything for the viewer of Rerun")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -30,6 +37,8 @@ def run(args: argparse.Namespace) -> int:
     from endosdk.live.viewer import Player, Server
 
     player = Player(made_estimator(args), opened_source(args), playing=not args.paused)
+    if args.rerun is not None:
+        player.listeners.append(rerun_writer(args.rerun, player))
     server = Server(player, port=args.port, recordings=args.recordings)
     print(json.dumps({"address": server.address}) if args.json else f"open       {server.address}", flush=True)
     if args.open:
@@ -45,3 +54,22 @@ def run(args: argparse.Namespace) -> int:
     if player.error is not None:
         raise player.error
     return 0
+
+
+def rerun_writer(path: Path, player: Player) -> Callable[[Shown], None]:
+    """Return what writes every answer into a recording of Rerun."""
+    from endosdk.errors import DependencyMissing
+
+    try:
+        import rerun
+    except ImportError as error:
+        raise DependencyMissing("rerun", "is not installed: pip install rerun-sdk", error) from error
+    rerun.init("endosdk")
+    rerun.save(path)
+
+    def write(shown: Shown) -> None:
+        rerun.set_time("frame", sequence=shown.frame.number)
+        rerun.set_time("stamp", duration=shown.frame.stamp_ns / 1e9)
+        shown.result.to_rerun(player.left_view(shown)[0])
+
+    return write

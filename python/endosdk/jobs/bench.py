@@ -20,6 +20,7 @@ from endosdk.errors import InferenceFailed, InvalidArgument
 from endosdk.evaluation.metrics import end_point_error
 from endosdk.evaluation.sgbm import SgbmBaseline, fill_holes
 from endosdk.jobs.machine import machine_record
+from endosdk.jobs.progress import progress
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.rectify import rectified
 
@@ -128,18 +129,16 @@ def _time_in_turns(
     """Milliseconds of every frame, in all and by stage, and the frames a second of a stream."""
     frames: list[tuple[float, float, float, float]] = []
     stream_seconds, streamed = 0.0, 0
-    for turn in range(TURNS):
+    for turn in progress(range(TURNS), unit="turn"):
         first, end = settings.frames * turn // TURNS, settings.frames * (turn + 1) // TURNS
         if first == end:
             continue
-        _progress(f"turn {turn + 1} of {TURNS}")
         frames += _time_frames(estimator, pairs, settings.warmup, end - first)
         count = min(end - first, RIVAL_FRAMES // TURNS)
         stream_seconds += _time_stream(estimator, pairs, settings.warmup, count)
         streamed += count
         if sgbm is not None:
             sgbm.time(settings.warmup, count)
-    _progress("\n")
     return frames, streamed / stream_seconds
 
 
@@ -237,8 +236,3 @@ def _error(disparity: npt.NDArray[np.float32], pair: RawPair) -> float:
 def _spread(milliseconds: list[float]) -> dict[str, float]:
     p50, p95, p99 = np.percentile(milliseconds, (50, 95, 99))
     return {"p50": float(p50), "p95": float(p95), "p99": float(p99), "max": max(milliseconds)}
-
-
-def _progress(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r{text}", end="", file=sys.stderr, flush=True)

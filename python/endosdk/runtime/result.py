@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -76,6 +77,18 @@ class DepthResult:
         x = (columns - np.float32(self.geometry.cx)) * depth / np.float32(self.geometry.focal_px)
         y = (rows - np.float32(self.geometry.cy)) * depth / np.float32(self.geometry.focal_y_px)
         return np.stack([x, y, depth], axis=-1)
+
+    def to_open3d(self, left: ByteMap | None = None) -> Any:
+        """Return `points` as an Open3D point cloud; see `endosdk.io.interop.to_open3d`."""
+        from endosdk.io import interop
+
+        return interop.to_open3d(self, left)
+
+    def to_rerun(self, left: ByteMap | None = None, entity: str = "endosdk") -> None:
+        """Log this result to Rerun; see `endosdk.io.interop.to_rerun`."""
+        from endosdk.io import interop
+
+        interop.to_rerun(self, left, entity)
 
 
 def _no_calibration(name: str) -> CalibrationRequired:

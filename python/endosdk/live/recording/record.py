@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from endosdk.errors import InvalidArgument
 from endosdk.io.whole_files import PARTIAL
-from endosdk.jobs.progress import show_progress
+from endosdk.jobs.progress import progress
 from endosdk.live.answers import answers
 from endosdk.live.recording.recorder import LINES, RECORD, Recorder, lines_of
 from endosdk.live.recording.recording import TRACKS, Recording, files_of
@@ -53,17 +52,17 @@ def record(
 
 
 def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: int | None) -> None:
-    started, done = time.monotonic(), 0
+    done = 0
     total = most if source.count is None else min(source.count, most or source.count)
     left = None if total is None else total - recorder.frames
     try:
-        for frame, result in answers(estimator, source.frames(recorder.next_number), reuse=True):
-            recorder.add(frame, result)
-            done += 1
-            if left is not None and left >= done:
-                show_progress(done, left, time.monotonic() - started)
-            if done == left:
-                break
+        with progress(total=left, unit="frame") as bar:
+            for frame, result in answers(estimator, source.frames(recorder.next_number), reuse=True):
+                recorder.add(frame, result)
+                bar.update()
+                done += 1
+                if done == left:
+                    break
     except BaseException:
         recorder.stop()  # nothing is lost: the same command goes on after it
         raise

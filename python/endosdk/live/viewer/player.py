@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,6 +44,7 @@ class Player:
         self.latest: Shown | None = None
         self.error: EndoError | None = None
         self.ended = False
+        self.listeners: list[Callable[[Shown], None]] = []  # told of every answer, on the player's thread
         self._change = threading.Condition()  # guards everything below
         self._playing = playing
         self._steps = 0
@@ -146,6 +147,8 @@ class Player:
         rate = (len(self._done) - 1) / span if span > 0 else 0.0
         delay = 1e3 * (now - self._drawn.pop(frame.number, now))
         self.latest = Shown(frame, result, turn, delay, rate)
+        for listener in self.listeners:
+            listener(self.latest)
         with self._change:
             recorder = self._recorder
         if recorder is not None:
