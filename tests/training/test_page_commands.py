@@ -1,4 +1,4 @@
-"""The README's commands for research, run as they stand there, on a small set in place of the rendered one."""
+"""The commands for research of the command-line page, run as they stand there, on a small set in place of the rendered one."""
 
 import re
 import shlex
@@ -9,18 +9,18 @@ import pytest
 from endosdk.cli import main
 from tests.training.warped_set import write_warped_set
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "command-line.md"
 FRAME = (720, 960)  # of simulate, unless it is told otherwise
 
 
 def commands(verb):
-    lines = re.findall(rf"^endosdk {verb} [^#\n]*", README.read_text(), re.MULTILINE)
+    lines = re.findall(rf"^endosdk {verb} [^#\n]*", PAGE.read_text(), re.MULTILINE)
     return [shlex.split(line)[1:] for line in lines]
 
 
 @pytest.fixture
 def rendered(tmp_path, monkeypatch):
-    """The folders that the README names, and in them sets with as few pairs as training takes."""
+    """The folders that the page names, and in them sets with as few pairs as training takes."""
     monkeypatch.chdir(tmp_path)
     for root in (Path("data/mix"), Path("data/mine")):
         write_warped_set(root, 9, 1, FRAME, (8.0, 60.0))
