@@ -32,6 +32,7 @@ lint: $(VENV)/.develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 bench: $(VENV)/.runtime
 	$(BIN)/endosdk-bench --model fast --size 960x720 --threads 2 --frames 300 --against sgbm
