@@ -27,8 +27,8 @@ def whole(seed=0, size=(256, 384)):
 @pytest.mark.parametrize("seed", range(6))
 def test_the_truth_follows_crop_scale_and_flips(seed, monkeypatch):
     """Geometry alone: with the changes of colour and sensor left out, both views still agree."""
-    same = {"_colours": lambda left, right, rng: (left, right), "_sensor": lambda view, rng: view}
-    still = {"_misaligned": lambda view, rng: view, "_occluded": lambda view, rng: view}
+    same = {"_colours": lambda left, right, *_: (left, right), "_sensor": lambda view, *_: view}
+    still = {"_misaligned": lambda view, *_: view, "_occluded": lambda view, *_: view}
     for name, replacement in (same | still).items():
         monkeypatch.setattr(f"endosdk.training.augment.{name}", replacement)
     pair = random_pair(whole(seed), None, CROP, np.random.default_rng(seed))

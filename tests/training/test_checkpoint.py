@@ -1,4 +1,5 @@
 import json
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,10 +68,15 @@ def test_a_failed_write_leaves_the_old_checkpoint(tmp_path):
     path = tmp_path / checkpoint.LAST
     checkpoint.save(path, CONFIG, 7, STATE, network, optimiser)
     before = path.read_bytes()
-    (tmp_path / (checkpoint.LAST + ".partial")).mkdir()
-    with pytest.raises(StorageFailed, match="writable"):
-        checkpoint.save(path, CONFIG, 8, STATE, network, optimiser)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # no file may grow further: the kernel refuses the write
+    try:
+        with pytest.raises(StorageFailed, match="writable"):
+            checkpoint.save(path, CONFIG, 8, STATE, network, optimiser)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path):

@@ -57,7 +57,8 @@ def test_the_file_describes_itself(model):
     assert {key: metadata[f"endosdk.{key}"] for key in expected} == expected
     assert "not a medical device" in metadata["endosdk.intended_use"]
     assert metadata["endosdk.upsampling"] == _core.upsampling_metadata
-    assert len(metadata) == len(expected) + 2
+    assert len(metadata["endosdk.content_sha256"]) == 64
+    assert len(metadata) == len(expected) + 3
 
 
 def test_torch_and_file_agree_at_three_sizes(model):

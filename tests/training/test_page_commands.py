@@ -1,4 +1,4 @@
-"""The commands for research of the command-line page, run as they stand there, on a small set in place of the rendered one."""
+"""The commands for research of the command-line page, run as they stand there on a small set."""
 
 import re
 import shlex

@@ -17,7 +17,7 @@ from endosdk.training.train import train
 def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     common = ["--network", "fast", "--crop", "64", "128", "--batch", "1", "--held-out", "1", "--max-disparity", "48"]
-    begin = ["train", "--data", str(dataset_root), "--out", str(run), "--steps", "2", "--usual-width", "160"]
+    begin = ["train", "--data", str(dataset_root), "--out", str(run), "--steps", "2", "--inference-width", "160"]
     assert main([*begin, *common]) == 0
     assert main(["train", "--out", str(run), "--resume", "--steps", "3"]) == 0
     capsys.readouterr()

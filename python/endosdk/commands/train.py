@@ -27,8 +27,11 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
-    "dense_disparity": (int, "px up to which fast has all its planes, beyond it every second"),
-    "mode_reach": (int, "planes on either side of the likeliest from which fast reads its answer"),
+    "dense_disparity": (int, "px up to which fast has all its planes, beyond it every second (default: all planes)"),
+    "mode_reach": (
+        int,
+        "planes on either side of the likeliest from which fast reads its answer (default: all planes)",
+    ),
     "volume_weight": (float, "weight of the cross-entropy of the volume that fast searches"),
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),

@@ -29,7 +29,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open the page in the browser of this desktop")
     parser.add_argument("--paused", action="store_true", help="wait for play or step")
     parser.add_argument("--recordings", type=Path, default=Path(), help="folder for what the record button writes")
-    parser.add_argument("--rerun", type=Path, metavar="FILE.rrd", help="also write everything for the viewer of Rerun")
+    parser.add_argument(
+        "--rerun", type=Path, metavar="FILE.rrd", help="also write everything for the viewer of Rerun (default: no)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
