@@ -90,7 +90,13 @@ def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path
 
 @pytest.mark.parametrize(
     ("name", "model"),
-    [("fast", "fast-fp32"), ("fast-320", "fast-320-fp32"), ("accurate", "accurate-fp32"), ("wang2020", "wang2020")],
+    [
+        ("fast", "fast-fp32"),
+        ("fast-25", "fast-25-fp32"),
+        ("fast-320", "fast-320-fp32"),
+        ("accurate", "accurate-fp32"),
+        ("wang2020", "wang2020"),
+    ],
 )
 def test_shipped_weights_are_those_of_the_shipped_model(name, model):
     sample = DatasetReader(PATH_TRACED, "test")[0]
@@ -107,7 +113,7 @@ def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkey
     checkpoint.save(Path("fast") / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
     assert checkpoint.load(Path("fast")).step == checkpoint.load(checkpoint.starting_point("./fast")).step == 7
     assert checkpoint.load(checkpoint.starting_point("fast")).step > 7
-    with pytest.raises(InvalidArgument, match=r"init_from: .* one of fast, fast-320, accurate, wang2020; got fats"):
+    with pytest.raises(InvalidArgument, match=r"init_from: .* one of fast, fast-25, fast-320, accurate, wang2020; got fats"):
         checkpoint.starting_point("fats")
 
 

@@ -109,7 +109,7 @@ def test_wide_layers_are_integers_and_the_answer_is_float(files):
     assert makers[makers[graph.output[0].name].input[0]].op_type == "Add"
 
 
-@pytest.mark.parametrize("name", ["fresh", "fast", "fast-320", "accurate"])
+@pytest.mark.parametrize("name", ["fresh", "fast", "fast-25", "fast-320", "accurate"])
 def test_no_sum_of_two_products_leaves_16_bits(files, name):
     """A processor without VNNI adds two products of a byte and a weight in 16 bits, and stops at their end."""
     layers = list(integer_weights(files.quantised if name == "fresh" else shipped_models()[name]))
