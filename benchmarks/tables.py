@@ -28,6 +28,7 @@ DOCUMENTS = (
     "README.md",
     "models/accurate.md",
     "models/fast-320.md",
+    "models/fast-25.md",
     "models/fast.md",
     "models/wang2020.md",
     "docs/numbers.md",
@@ -41,6 +42,8 @@ PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DO
 METHODS = {
     "fast": "**fast** (8-bit)",
     "fast-fp32": "fast-fp32",
+    "fast-25": "fast-25 (8-bit)",
+    "fast-25-fp32": "fast-25-fp32",
     "fast-320": "fast-320 (8-bit)",
     "accurate": "accurate (8-bit)",
     "accurate-fp32": "accurate-fp32",
@@ -76,8 +79,6 @@ AVX2_SPEEDS = {  # on one without
 TEST_SETS = {  # record and label, for the tables of one model
     "accuracy/accuracy": "`endosim-gi`, rendered, 100 pairs",
     "accuracy/accuracy_cycles": "`endosim-gi-cycles`, path-traced, 60 pairs",
-    "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoiled pictures, 100 pairs",
-    "accuracy/accuracy_middlebury": "Middlebury, real indoor pairs, 26",
 }
 # Focal length over frame width and baseline in mm of three published rigs.
 RIGS = {
@@ -180,6 +181,19 @@ def errors_table(model: str) -> str:
     )
 
 
+def range_25_table() -> str:
+    """`fast-25` beside `fast` and StereoSGBM on pairs within the range of `fast` and beyond it."""
+    rows = []
+    for record, label in (("range_25_cycles", "path-traced, within"), ("range_25_lap", "laparoscopic, beyond")):
+        scores = _record(f"accuracy/{record}")["methods"]
+        for name in ("fast", "fast-25", "sgbm-filled"):
+            whole = scores[name]["all"]
+            rows.append(
+                [label, METHODS[name], f"{whole['epe_px']:.2f}", *(_percent(whole[k]) for k in ("kpe_1", "kpe_3"))]
+            )
+    return _table(["pairs", "method", "EPE, px", "over 1 px", "over 3 px"], rows)
+
+
 def range_table(model: str) -> str:
     """The nearest depth that one model sees on real rigs, from its own metadata."""
     facts = {entry.key: entry.value for entry in onnx.load(shipped_models()[model]).metadata_props}
@@ -232,6 +246,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
     "short-accuracy": short_accuracy_table,
     "short-speed": short_speed_table,
+    "range-25": range_25_table,
     "accuracy-cycles": partial(accuracy_table, "accuracy/accuracy_cycles"),
     "accuracy-near": partial(accuracy_table, "accuracy/accuracy_near"),
     "speed": partial(speed_table, SPEEDS),
@@ -243,8 +258,10 @@ TABLES: dict[str, Callable[[], str]] = {
 }
 
 
-TABLES |= {f"errors:{name}": partial(errors_table, name) for name in ("fast", "fast-320", "accurate", "wang2020")}
-TABLES |= {f"range:{name}": partial(range_table, name) for name in ("fast", "fast-320", "accurate")}
+TABLES |= {
+    f"errors:{name}": partial(errors_table, name) for name in ("fast", "fast-25", "fast-320", "accurate", "wang2020")
+}
+TABLES |= {f"range:{name}": partial(range_table, name) for name in ("fast", "fast-25", "fast-320", "accurate")}
 
 
 def filled(text: str) -> str:

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.record import machine_record
-from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.evaluation.methods import estimator_method, evaluate, sgbm_method
 from endosdk.evaluation.sgbm import SgbmSettings
 from endosdk.io.whole_files import write_json
@@ -23,13 +23,15 @@ from endosdk.runtime.models import read_model
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder of a data set")
-    parser.add_argument("--split", default="test")
+    parser.add_argument("--layout", default="endosdk", help="how the data set is laid out")
+    parser.add_argument("--split", help="default: the one with truth")
     parser.add_argument("--pairs", type=int, help="only the first so many pairs")
     parser.add_argument("--models", nargs="+", default=["wang2020"], help="shipped names or .onnx files")
     parser.add_argument("--sgbm-range", type=int, default=80, help="disparities that StereoSGBM tries, px")
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
-    reader = open_dataset(args.data, args.split)
+    split = args.split or default_split(args.layout)
+    reader = open_dataset(args.data, split, layout=args.layout)
     methods = {name: estimator_method(name) for name in args.models}
     sgbm = SgbmSettings(max_disparity=args.sgbm_range)
     methods |= {
@@ -41,10 +43,10 @@ def main() -> None:
         print(name, file=sys.stderr)
         scores[name] = evaluate(method, reader, args.pairs)
     record = {
-        "command": f"python -m benchmarks.accuracy.unseen_pairs --data {reader.name} --split {args.split} "
-        f"--models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
+        "command": f"python -m benchmarks.accuracy.unseen_pairs --data {reader.name} --layout {args.layout} "
+        f"--split {split} --models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
         + (f" --pairs {args.pairs}" if args.pairs else ""),
-        "dataset": {"name": reader.name, "split": args.split, "sha256": reader.sha256},
+        "dataset": {"name": reader.name, "split": split, "sha256": reader.sha256},
         "models": {name: read_model(name).sha256 for name in args.models},
         "methods": scores,
         **machine_record(),
