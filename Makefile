@@ -5,11 +5,12 @@ PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13 python3.14
 VENV := .venv
 SAMPLES := examples/data
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadgroup
+# Modules are compiled when they are first imported: to compile all of them takes a minute.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope
 export ORT_DISABLE_TELEMETRY := 1
 
-.PHONY: demo test test-slow test-all announce tools lint bench clean
+.PHONY: demo test test-slow test-providers test-all announce tools lint bench docs clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/endosdk predict $(SAMPLES)/demo/left.png $(SAMPLES)/demo/right.png \
@@ -19,6 +20,14 @@ demo: $(VENV)/.runtime
 # What decides whether a change is right. The rest trains, renders and builds for longer: `make test-all`.
 test: announce tools $(VENV)/.develop lint
 	$(PYTEST) -m "not slow"
+
+# Providers that compute, each in an environment of its own: the whole accelerator path without an accelerator.
+PROVIDERS := build/providers
+test-providers: $(VENV)/.develop
+	scripts/fetch_providers.sh $(PROVIDERS)
+	PYTHONPATH=$(PROVIDERS)/openvino ENDOSDK_TEST_PROVIDER=openvino $(BIN)/python -m pytest tests/providers -q
+	PYTHONPATH=$(PROVIDERS)/webgpu ENDOSDK_TEST_PROVIDER=webgpu LD_LIBRARY_PATH=$(PROVIDERS)/swiftshader \
+	    VK_DRIVER_FILES=$(PROVIDERS)/swiftshader/vk_swiftshader_icd.json $(BIN)/python -m pytest tests/providers -q
 
 test-slow: tools $(VENV)/.develop
 	$(PYTEST) -m slow
@@ -36,6 +45,16 @@ lint: $(VENV)/.develop
 
 bench: $(VENV)/.runtime
 	$(BIN)/endosdk-bench --model fast --size 960x720 --threads 2 --frames 300 --against sgbm
+
+# The documentation site, built without a network; a warning is an error.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -c docs . build/site
+	@echo "open build/site/docs/index.html"
+
+$(VENV)/.docs: $(VENV)/.develop
+	@$(PIP) $$($(BIN)/python -c 'import tomllib; \
+	    print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"])')
+	@touch $@
 
 # What an application needs: the package with its processor runtime, no training, no renderer.
 $(VENV)/.runtime: $(VENV)/.python pyproject.toml CMakeLists.txt $(shell find cpp models examples/data python -type f -not -name '*.pyc')

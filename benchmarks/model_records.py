@@ -12,6 +12,7 @@ from typing import Any
 from benchmarks.record import machine_record
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.io.whole_files import write_json
+from endosdk.runtime.models import read_model
 
 
 def models_parser(description: str | None, pairs_help: str) -> argparse.ArgumentParser:
@@ -34,7 +35,13 @@ def record_models(
     program = f"python -m {sys.modules['__main__'].__spec__.name}"
     data = f"--data {reader.name} --split {args.split} --pairs {args.pairs}{more}"
     for model in args.models:
-        models[model] = {**measure(model), "command": f"{program} {data} --models {model}", "machine": machine_record()}
+        command = f"{program} {data} --models {model}"
+        models[model] = {
+            **measure(model),
+            "command": command,
+            "model_sha256": read_model(model).sha256,
+            "machine": machine_record(),
+        }
     dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
     record = {"dataset": dataset, "models": models}
     write_json(args.json, record)

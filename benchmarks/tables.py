@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -24,61 +26,58 @@ from endosdk.runtime.models import shipped_models
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
+MANIFEST = ROOT / "models" / "models.toml"
 DOCUMENTS = (
     "README.md",
     "models/accurate.md",
     "models/fast-320.md",
-    "models/fast-25.md",
     "models/fast.md",
     "models/wang2020.md",
     "docs/numbers.md",
     "docs/c-library.md",
     "docs/datasets/endosim-gi.md",
     "docs/model-file.md",
+    "docs/trust.md",
     "docs/hardening.md",
+    "docs/device/systems.md",
 )
 PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+
+STALE = r"\*"  # behind the label of a row whose model file no longer ships
+STALE_NOTE = f"{STALE} Measured with a file that no longer ships; the record has its version and hash."
 
 METHODS = {
     "fast": "**fast** (8-bit)",
     "fast-fp32": "fast-fp32",
-    "fast-25": "fast-25 (8-bit)",
-    "fast-25-fp32": "fast-25-fp32",
     "fast-320": "fast-320 (8-bit)",
     "accurate": "accurate (8-bit)",
     "accurate-fp32": "accurate-fp32",
     "wang2020": "wang2020",
-    "wang2020-192": "wang2020-192",
     "sgbm-filled": "StereoSGBM, filled",
     "sgbm": "StereoSGBM",
 }
-SPEEDS = {  # on a processor with VNNI
+SPEEDS = {
     "fast": "fast, 960 x 720, 2",
     "fast_1280x720": "fast, 1280 x 720, 2",
     "fast_1920x1080": "fast, 1920 x 1080, 2",
+    "fast_3840x2160": "fast, 3840 x 2160, 2",
     "fast_1thread": "fast, 960 x 720, 1",
+    "fast-320": "fast-320, 960 x 720, 2",
     "fast-fp32": "fast-fp32, 960 x 720, 2",
+    "accurate": "accurate, 960 x 720, 2",
     "wang2020": "wang2020, 960 x 720, 2",
 }
 SHORT_SPEEDS = {
     "fast": "fast, 960 x 720, VNNI",
     "fast_1920x1080": "fast, 1920 x 1080, VNNI",
-    "avx2_fast-320": "fast-320, 960 x 720, AVX2 alone",
-}
-AVX2_SPEEDS = {  # on one without
-    "avx2_fast": "fast, 960 x 720, 2",
-    "avx2_fast-320": "fast-320, 960 x 720, 2",
-    "avx2_fast-320_1280x720": "fast-320, 1280 x 720, 2",
-    "avx2_fast-320_1920x1080": "fast-320, 1920 x 1080, 2",
-    "avx2_fast-320_1thread": "fast-320, 960 x 720, 1",
-    "avx2_fast-fp32": "fast-fp32, 960 x 720, 2",
-    "avx2_accurate": "accurate, 960 x 720, 2",
-    "avx2_wang2020": "wang2020, 960 x 720, 2",
+    "fast-320": "fast-320, 960 x 720, VNNI",
+    "accurate": "accurate, 960 x 720, VNNI",
 }
 
 TEST_SETS = {  # record and label, for the tables of one model
     "accuracy/accuracy": "`endosim-gi`, rendered, 100 pairs",
     "accuracy/accuracy_cycles": "`endosim-gi-cycles`, path-traced, 60 pairs",
+    "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoilt pictures, 40 pairs",
 }
 # Focal length over frame width and baseline in mm of three published rigs.
 RIGS = {
@@ -119,6 +118,49 @@ def accuracy_table(record: str = "accuracy/accuracy") -> str:
     return _table(heads, rows)
 
 
+def edges_table(record: str) -> str:
+    """Errors near depth edges and where only one camera sees, of our models and StereoSGBM."""
+    scores = _record(record)["methods"]
+    rows = []
+    for name, label in METHODS.items():
+        if name not in scores:
+            continue
+        edges, hidden = scores[name]["edges"], scores[name]["occluded"]
+        shares = (edges["kpe_3"], edges["flying"], scores[name]["non_occluded"]["kpe_3"], hidden["kpe_3"])
+        rows.append([label, f"{edges['epe_px']:.2f}", *map(_percent, shares)])
+    heads = ["method", "EPE near edges, px", "over 3 px near edges", "flying pixels", "over 3 px, non-occluded"]
+    return _table([*heads, "over 3 px, occluded"], rows)
+
+
+def parts_table(record: str) -> str:
+    """Share of wrong pixels among all, among those in a method's range, and among those that it calls valid."""
+    scores = _record(record)["methods"]
+    rows = []
+    for name, label in METHODS.items():
+        if name not in scores:
+            continue
+        all_, seen, ranged, valid = (scores[name][part] for part in ("all", "non_occluded", "in_range", "valid"))
+        shares = (all_["kpe_3"], seen["kpe_3"], ranged["share"], ranged["kpe_3"], valid["share"], valid["kpe_3"])
+        rows.append([_marked(label, _record(record)["models"].get(name)), *map(_percent, shares)])
+    heads = ["method", "over 3 px", "non-occluded", "in range", "of these over 3 px", "valid", "of these over 3 px"]
+    return _table(heads, rows)
+
+
+def trust_table(model: str) -> str:
+    """What a model says of clean, spoilt and faulty pairs."""
+    record = _record("accuracy/trust")["models"][model]
+    rows = []
+    for case, found in record["cases"].items():
+        shares = (found["right_called_valid"], found["wrong_called_valid"], found["within_sigma"], found.get("named"))
+        frames = ", ".join(f"{count} {status}" for status, count in sorted(found["status"].items()))
+        # A fault has no pixels to judge: nothing of the frame is to be used.
+        judged = shares if "named" not in found else (None, None, None, shares[3])
+        rows.append([case, frames, *("" if share is None else _percent(share) for share in judged)])
+    heads = ["pairs", "frames", "right pixels valid", "wrong pixels valid", "error within sigma", "cause named"]
+    text = _table([_marked(head, record["model_sha256"]) if head == "pairs" else head for head in heads], rows)
+    return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
+
+
 def short_accuracy_table() -> str:
     """What a reader wants to know first: error of our 8-bit models and StereoSGBM on the test pairs."""
     scores = _record("accuracy/accuracy")["methods"]
@@ -137,7 +179,7 @@ def short_speed_table() -> str:
     for name, label in SHORT_SPEEDS.items():
         run = _record(f"speed/{name}")
         rates = (run["fps"], run["stream_fps"], run["against"]["sgbm"]["fps"])
-        rows.append([label, *(f"{rate:.0f}" for rate in rates)])
+        rows.append([_marked(label, run["model"]["sha256"]), *(f"{rate:.0f}" for rate in rates)])
     return _table(["model, frames", "`predict`, FPS", "`stream`, FPS", "StereoSGBM, FPS"], rows)
 
 
@@ -148,7 +190,8 @@ def speed_table(runs: dict[str, str]) -> str:
         run = _record(f"speed/{name}")
         delay, sgbm = run["latency_ms"], run["against"]["sgbm"]["fps"]
         rates = [f"{run['fps']:.1f}", f"{run['stream_fps']:.1f}"]
-        rows.append([label, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{sgbm:.1f}"])
+        marked = _marked(label, run["model"]["sha256"])
+        rows.append([marked, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{sgbm:.1f}"])
     heads = ["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99", "StereoSGBM, FPS"]
     return _table(heads, rows)
 
@@ -162,6 +205,45 @@ def photometric_consistency_table() -> str:
         shares = found[group][name] if name else found[group]
         rows.append([label, *(_percent(shares[f"valid_{rule}"]) for rule in ("without", "with"))])
     return _table(["pair", "without this rule", "with it"], rows)
+
+
+def causes_table() -> str:
+    """The causes of a frame, as the core has them: what is measured, what follows, what to do."""
+
+    def limit(fact: Any, level: str) -> str:
+        value = fact[level]
+        side = "from" if fact["bad"] == "high" else "below"
+        return "never" if math.isnan(value) else f"{side} {value:g}"
+
+    rows = [
+        [
+            f"{cause.value} {cause.name}",
+            fact["meaning"],
+            fact["measure"],
+            limit(fact, "degraded"),
+            limit(fact, "invalid"),
+            fact["remedy"],
+        ]
+        for cause, fact in _core.cause_facts.items()
+    ]
+    return _table(["cause", "what it means", "what is measured", "DEGRADED", "INVALID", "what to do"], rows)
+
+
+def arm_instructions_table() -> str:
+    """Instructions that each kernel takes on 64-bit ARM, plain and with NEON."""
+    rows = [
+        [f"`{name}`", f"{counts['plain']:,}", f"{counts['neon']:,}", f"{counts['plain'] / counts['neon']:.1f}"]
+        for name, counts in _record("speed/arm_instructions")["instructions"].items()
+    ]
+    return _table(["kernel", "plain", "NEON", "times fewer"], rows)
+
+
+def reasons_table() -> str:
+    """The reasons of a pixel, as the core has them."""
+    return _table(
+        ["bit", "reason", "what it means"],
+        [[str(reason.value), f"`{reason.name}`", reason.__doc__ or ""] for reason in _core.Reason],
+    )
 
 
 def errors_table(model: str) -> str:
@@ -179,19 +261,6 @@ def errors_table(model: str) -> str:
     return _table(
         ["test set", "EPE, px", "over 1 px", "over 3 px", "EPE where both views see, px", "depth error"], rows
     )
-
-
-def range_25_table() -> str:
-    """`fast-25` beside `fast` and StereoSGBM on pairs within the range of `fast` and beyond it."""
-    rows = []
-    for record, label in (("range_25_cycles", "path-traced, within"), ("range_25_lap", "laparoscopic, beyond")):
-        scores = _record(f"accuracy/{record}")["methods"]
-        for name in ("fast", "fast-25", "sgbm-filled"):
-            whole = scores[name]["all"]
-            rows.append(
-                [label, METHODS[name], f"{whole['epe_px']:.2f}", *(_percent(whole[k]) for k in ("kpe_1", "kpe_3"))]
-            )
-    return _table(["pairs", "method", "EPE, px", "over 1 px", "over 3 px"], rows)
 
 
 def range_table(model: str) -> str:
@@ -246,22 +315,23 @@ TABLES: dict[str, Callable[[], str]] = {
     "accuracy": accuracy_table,
     "short-accuracy": short_accuracy_table,
     "short-speed": short_speed_table,
-    "range-25": range_25_table,
     "accuracy-cycles": partial(accuracy_table, "accuracy/accuracy_cycles"),
-    "accuracy-near": partial(accuracy_table, "accuracy/accuracy_near"),
+    "edges-cycles": partial(edges_table, "accuracy/accuracy_cycles"),
+    "middlebury": partial(parts_table, "accuracy/middlebury"),
     "speed": partial(speed_table, SPEEDS),
-    "speed-avx2": partial(speed_table, AVX2_SPEEDS),
     "photometric-consistency": photometric_consistency_table,
     "range-end": range_end_table,
+    "arm-instructions": arm_instructions_table,
+    "causes": causes_table,
+    "reasons": reasons_table,
     "spoilt-files": spoilt_files_table,
     "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
 }
 
 
-TABLES |= {
-    f"errors:{name}": partial(errors_table, name) for name in ("fast", "fast-25", "fast-320", "accurate", "wang2020")
-}
-TABLES |= {f"range:{name}": partial(range_table, name) for name in ("fast", "fast-25", "fast-320", "accurate")}
+TABLES |= {f"errors:{name}": partial(errors_table, name) for name in ("fast", "fast-320", "accurate", "wang2020")}
+TABLES |= {f"trust:{name}": partial(trust_table, name) for name in ("fast", "accurate")}
+TABLES |= {f"range:{name}": partial(range_table, name) for name in ("fast", "fast-320", "accurate")}
 
 
 def filled(text: str) -> str:
@@ -274,13 +344,20 @@ def _record(name: str) -> dict[str, Any]:
     return record
 
 
+def _marked(label: str, sha256: str | None) -> str:
+    """Mark a row whose numbers are of a model file that no longer ships; methods without a file have no hash."""
+    shipped = tomllib.loads(MANIFEST.read_text()).values()
+    return label if sha256 is None or sha256 in {entry["sha256"] for entry in shipped} else f"{label} {STALE}"
+
+
 def _percent(share: float) -> str:
     return f"{100 * share:.1f} %"
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:
     lines = [heads, ["---"] * len(heads), *rows]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    return table + (f"\n{STALE_NOTE}\n" if any(cells[0].endswith(STALE) for cells in rows) else "")
 
 
 def main() -> int:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-
-from tqdm import tqdm
 
 from endosdk.datasets.dataset import Sample
 from endosdk.evaluation.methods import Answer, Method
+from endosdk.io.progress import progress
 
 
 def answers_in_turns(methods: dict[str, Method], samples: list[Sample]) -> Iterator[tuple[str, Sample, Answer]]:
@@ -16,7 +14,7 @@ def answers_in_turns(methods: dict[str, Method], samples: list[Sample]) -> Itera
 
     Each answers twice and the second answer counts: the first finds the caches as the method before has left them.
     """
-    for sample in tqdm(samples, unit="pair", file=sys.stderr):
+    for sample in progress(samples):
         for name, method in methods.items():
             method(sample)
             yield name, sample, method(sample)

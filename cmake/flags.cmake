@@ -17,9 +17,16 @@ target_compile_options(
             -ffile-prefix-map=${CMAKE_SOURCE_DIR}=endosdk
             -ffile-prefix-map=${CMAKE_BINARY_DIR}=build
             -fstack-protector-strong
-            -fstack-clash-protection
+            $<$<PLATFORM_ID:Linux>:-fstack-clash-protection>
             $<$<CONFIG:Release>:-D_FORTIFY_SOURCE=2>)
-target_link_options(endosdk_flags INTERFACE LINKER:-z,relro,-z,now,-z,noexecstack)
+if(CMAKE_SYSTEM_NAME STREQUAL Linux)
+  target_link_options(endosdk_flags INTERFACE LINKER:-z,relro,-z,now,-z,noexecstack)
+elseif(MINGW)
+  # A program finds all it needs of the compiler inside itself.
+  target_link_options(endosdk_flags INTERFACE -static -fstack-protector-strong LINKER:--dynamicbase,--nxcompat,--high-entropy-va)
+  # This compiler does not align the stack to more than 16 bytes, whatever registers its code spills there.
+  target_compile_options(endosdk_flags INTERFACE -Wa,-muse-unaligned-vector-move)
+endif()
 
 if(ENDOSDK_SANITIZE)
   target_compile_options(endosdk_flags INTERFACE -fsanitize=${ENDOSDK_SANITIZE} -fno-sanitize-recover=all

@@ -23,7 +23,10 @@ add_custom_target(
 add_library(
   endosdk_objects OBJECT
   src/library/capi.cpp
+  src/library/capi_measure.cpp
   src/library/capi_structs.cpp
+  src/library/guarded.cpp
+  src/library/log_reader.cpp
   src/library/ort_session.cpp
   src/library/runtime.cpp
   src/library/session_interface.cpp
@@ -37,22 +40,27 @@ target_compile_options(endosdk_objects PRIVATE -ffile-prefix-map=${ONNXRUNTIME_I
 
 if(ENDOSDK_BUILD_TESTS)
   # The ABI check reads the types of the interface from here.
-  set_source_files_properties(src/library/capi.cpp PROPERTIES COMPILE_OPTIONS -g)
+  set_source_files_properties(src/library/capi.cpp src/library/capi_measure.cpp PROPERTIES COMPILE_OPTIONS -g)
 endif()
 
 if(BUILD_SHARED_LIBS)
+  target_compile_definitions(endosdk_objects PUBLIC $<$<PLATFORM_ID:Windows>:ENDOSDK_BUILDING>)
   add_library(endosdk SHARED $<TARGET_OBJECTS:endosdk_objects>)
   target_link_libraries(endosdk PRIVATE endosdk_core ${CMAKE_DL_LIBS} endosdk_flags)
-  set(export_map ${CMAKE_CURRENT_SOURCE_DIR}/endosdk.map)
-  target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map} LINKER:--exclude-libs,ALL)
-  set_target_properties(endosdk PROPERTIES LINK_DEPENDS ${export_map})
-  # Its worker threads sleep between frames and never end; dlclose must not take the code away from under them.
-  target_link_options(endosdk PRIVATE LINKER:-z,nodelete)
+  if(CMAKE_SYSTEM_NAME STREQUAL Linux)
+    set(export_map ${CMAKE_CURRENT_SOURCE_DIR}/endosdk.map)
+    target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map} LINKER:--exclude-libs,ALL)
+    set_target_properties(endosdk PROPERTIES LINK_DEPENDS ${export_map})
+    # Its worker threads sleep between frames and never end; dlclose must not take the code away from under them.
+    target_link_options(endosdk PRIVATE LINKER:-z,nodelete)
+  endif()
   set(ENDOSDK_PC_STATIC "")
 else()
   # One archive with everything, so that a vendor links one file.
   get_target_property(core_objects endosdk_core ENDOSDK_KERNEL_OBJECTS)
   add_library(endosdk STATIC $<TARGET_OBJECTS:endosdk_objects> $<TARGET_OBJECTS:endosdk_core> ${core_objects})
+  target_compile_definitions(endosdk_objects PUBLIC $<$<PLATFORM_ID:Windows>:ENDOSDK_STATIC>)
+  target_compile_definitions(endosdk INTERFACE $<$<PLATFORM_ID:Windows>:ENDOSDK_STATIC>)
   # A program in C is linked by the C compiler, which does not add what C++ needs.
   target_link_libraries(endosdk PUBLIC Threads::Threads ${CMAKE_DL_LIBS} INTERFACE stdc++ m)
   set(ENDOSDK_PC_STATIC " -lstdc++ -lm -lpthread -ldl")
@@ -60,7 +68,7 @@ endif()
 if(ENDOSDK_SANITIZE)
   # A sanitizer's own functions are part of the program, whatever language that is written in.
   target_link_options(endosdk INTERFACE -fsanitize=${ENDOSDK_SANITIZE})
-elseif(BUILD_SHARED_LIBS)
+elseif(BUILD_SHARED_LIBS AND CMAKE_SYSTEM_NAME STREQUAL Linux)
   target_link_options(endosdk PRIVATE LINKER:-z,defs)
 endif()
 add_library(endosdk::endosdk ALIAS endosdk)
@@ -72,7 +80,20 @@ set_target_properties(endosdk PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION 0)
 
 install(TARGETS endosdk EXPORT endosdkTargets COMPONENT sdk)
 install(DIRECTORY include/endosdk TYPE INCLUDE COMPONENT sdk)
-install(FILES ${PROJECT_SOURCE_DIR}/LICENSE TYPE DOC COMPONENT sdk)
+# What a device's file says of its software goes with it, and so do the models that were tested.
+set(papers docs/device/endosdk.cdx.json docs/device/endosdk.spdx.json docs/device/soup.md docs/device/requirements.md)
+foreach(paper LICENSE THIRD_PARTY_NOTICES.md SECURITY.md ${papers})
+  install(FILES ${PROJECT_SOURCE_DIR}/${paper} TYPE DOC COMPONENT sdk)
+endforeach()
+install(DIRECTORY examples TYPE DOC COMPONENT sdk)
+install(
+  DIRECTORY ${PROJECT_SOURCE_DIR}/models
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/endosdk
+  COMPONENT sdk
+  FILES_MATCHING
+  PATTERN "*.onnx"
+  PATTERN "models.toml"
+  PATTERN "tiny-for-tests.onnx" EXCLUDE)
 set(config_folder ${CMAKE_INSTALL_LIBDIR}/cmake/endosdk)
 install(EXPORT endosdkTargets NAMESPACE endosdk:: DESTINATION ${config_folder} COMPONENT sdk)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/endosdkConfig.cmake.in endosdkConfig.cmake

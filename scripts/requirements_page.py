@@ -37,6 +37,12 @@ def requirements() -> list[dict[str, Any]]:
     return list(content["requirement"])
 
 
+def findings() -> list[dict[str, Any]]:
+    """Return what reviews found wrong, each with the tests that hold what was mended."""
+    content = tomllib.loads((FOLDER / "requirements.toml").read_text())
+    return list(content["finding"])
+
+
 def page() -> str:
     """Return the page."""
     listed = requirements()
@@ -59,6 +65,8 @@ def page() -> str:
             if "open" in entry:
                 lines.append(f"- Open: {entry['open']}")
             lines.append("")
+    lines += ["## What reviews found", "", "Each was mended, and has a test that fails where it comes back.", ""]
+    lines += [f"- {entry['text']} {_links(entry['tests'])}" for entry in findings()]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,20 +16,32 @@ TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
 
 
 # Folders whose tests share what takes long to make: one worker runs them all, so that it is made once.
-TOGETHER = ("c_library", "training")
+TOGETHER = ("tests/c_library/", "tests/training/")
 SLOW = ROOT / "tests" / "slow.txt"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is slow, and give each worker whole files, or some whole folders."""
+    """Mark what is slow."""
     slow = [line for line in SLOW.read_text().splitlines() if not line.startswith("#")]
     fixtures = {line.removeprefix("fixture ") for line in slow if line.startswith("fixture ")}
     for item in items:
         inside = item.path.relative_to(ROOT / "tests")
-        item.add_marker(pytest.mark.xdist_group(inside.parts[0] if inside.parts[0] in TOGETHER else str(inside)))
         name = f"tests/{inside.as_posix()}::{item.nodeid.partition('::')[2]}"
         if name.startswith(tuple(slow)) or fixtures & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(optionalhook=True)  # where pytest-xdist is not installed, nobody asks
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each worker whole files, or some whole folders."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Together(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            folder = [folder for folder in TOGETHER if nodeid.startswith(folder)]
+            return folder[0] if folder else nodeid.partition("::")[0]
+
+    return Together(config, log)
 
 
 @pytest.fixture

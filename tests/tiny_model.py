@@ -13,13 +13,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import soft_argmin
 
 FILE = Path(__file__).parents[1] / "models" / "tiny-for-tests.onnx"
-INFO = ModelInfo(
+INFO = ModelDescription(
     name="tiny-for-tests",
     version="1",
     intended_use="Tests of this package. Block matching without any training: not for images.",

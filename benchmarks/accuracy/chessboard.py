@@ -39,7 +39,7 @@ def read_corners(folder: Path) -> tuple[list[str], list[Points], list[Points]]:
 
 
 def measure(folder: Path) -> dict[str, Any]:
-    """Return the row agreement over all pairs, one by one, and the square size each pair implies."""
+    """Return the vertical disparity over all pairs, one by one, and the square size each pair implies."""
     rig = StereoCalibration.load(folder, size=SIZE)
     names, lefts, rights = read_corners(folder)
     median, p95 = row_correlation(rig, lefts, rights)

@@ -1,7 +1,7 @@
 """Error against time of many methods on the same pairs in the same run, and the picture of it.
 
     python -m benchmarks.accuracy.pareto_front --data DIR --pairs 20 --threads 2 \
-        --models fast small=runs/small.onnx larger=fast@640x480 --json FILE --figure docs/images/front.png
+        --models fast small=runs/small.onnx larger=fast@640x480 --json FILE --figure docs/images/pareto_front.png
 
 Models go the whole way from frame to full-size maps; StereoSGBM and StereoBM are timed for their matching alone, and
 their holes are filled for the error, so that all answer every pixel. All take turns on every pair, because the speed
@@ -61,8 +61,10 @@ def measure(methods: dict[str, Method], samples: list[Sample]) -> dict[str, dict
         times[name].append(answer.milliseconds)
     points = {}
     for name, board in boards.items():
-        scores = board.result()["all"]
-        points[name] = {"ms": median(times[name]), "epe_px": scores["epe_px"], "kpe_1": scores["kpe_1"]}
+        scores = board.result()
+        points[name] = {"ms": median(times[name])}
+        points[name] |= {key: scores["all"][key] for key in ("epe_px", "kpe_1", "kpe_3")}
+        points[name] |= {"edges_epe_px": scores["edges"]["epe_px"], "flying": scores["edges"]["flying"]}
     return points
 
 
@@ -167,7 +169,7 @@ def main() -> None:
     methods |= {"sgbm": sgbm_method(filled=True), "bm": classical_method("bm", {}, filled=True)}
     points = measure(methods, samples)
     for name, point in points.items():
-        print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px")
+        print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px, {point['edges_epe_px']:.3f} px near edges")
     record = {
         "command": f"python -m benchmarks.accuracy.pareto_front --data {reader.name} --pairs {args.pairs} "
         f"--threads {args.threads} --models {' '.join(named)}",

@@ -3,7 +3,7 @@
     python -m benchmarks.accuracy.photometric_consistency --data DIR [--real DIR] --json FILE
 
 A network answers whatever it is shown, also one covered camera. The SDK takes the confidence from blocks whose views do
-not correlate at the disparity found, and from the whole frame when most do not. Every pair is answered without the rule
+not correlate at the disparity found, and from the whole frame when most do not. Every pair is computed without the rule
 and with it. `--real` names a folder of real pairs: `scared_rectified`, `chessboard`, `hamlyn_phantom`.
 """
 
@@ -34,8 +34,8 @@ WRONG = 3.0  # px of the frame
 
 
 @dataclass(frozen=True)
-class Answer:
-    """One pair, answered without the rule and with it."""
+class BothAnswers:
+    """One pair, computed without the rule and with it."""
 
     disparity: NDArray[np.float32]
     without: Mask  # pixels that have an answer
@@ -54,10 +54,10 @@ class Answerer:
             read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False
         )
 
-    def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> Answer:
+    def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> BothAnswers:
         found = DepthEstimator(self.model, calibration=rig, threads=2, spinning=False).predict(left, right)
         seen = np.bitwise_and(found.reasons, Reason.OUTSIDE_OVERLAP) == 0  # masks of the lens, which both know
-        return Answer(found.disparity, self._valid_without(left, right, rig) & seen, found.reasons == 0)
+        return BothAnswers(found.disparity, self._valid_without(left, right, rig) & seen, found.reasons == 0)
 
     def _valid_without(self, left: Picture, right: Picture, rig: StereoCalibration | None) -> Mask:
         """Valid pixels where the right view is not looked at again."""
@@ -71,7 +71,7 @@ class Answerer:
         _core.pack(*estimator.rectified_pair(), buffers.left, buffers.right, "rgb")
         self.session.run(buffers)
         view_scale = network[1] / height, network[0] / width
-        maps = Maps.allocate(width, height, metric=False)
+        maps = Maps.allocate(width, height, calibrated=False)
         fields = {
             "disparity": buffers.disparity,
             "confidence": buffers.confidence,

@@ -43,9 +43,9 @@ def main() -> None:
     args = parser.parse_args()
     left, right = read_frame(args.left), read_frame(args.right)
     result = DepthEstimator(args.model, network_size=parse_size(args.network_size)).predict(left, right)
-    rival = SgbmBaseline(SgbmSettings(max_disparity=128, eight_paths=True)).compute(left, right)
-    both = np.isfinite(rival) & (result.reasons == 0)
-    apart = np.abs(result.disparity - rival)[both]
+    filled_sgbm = SgbmBaseline(SgbmSettings(max_disparity=128, eight_paths=True)).compute(left, right)
+    both = np.isfinite(filled_sgbm) & (result.reasons == 0)
+    apart = np.abs(result.disparity - filled_sgbm)[both]
     offset = vertical_disparity(left, right)
     record = {
         "command": f"python -m benchmarks.accuracy.real_pair LEFT RIGHT --model {args.model} "
@@ -55,7 +55,7 @@ def main() -> None:
         "vertical_disparity_px": offset.median_px,
         "coverage": result.valid_share,
         "disparity_px": [float(v) for v in np.percentile(result.disparity[result.reasons == 0], (2, 50, 98))],
-        "sgbm_hh_coverage": float(np.isfinite(rival).mean()),
+        "sgbm_hh_coverage": float(np.isfinite(filled_sgbm).mean()),
         "difference_to_sgbm_hh_px": {
             "median": float(np.median(apart)),
             "over_1": float((apart > 1).mean()),

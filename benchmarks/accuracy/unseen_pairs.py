@@ -1,9 +1,11 @@
-"""Our models and StereoSGBM on the same pairs, none of which a model has seen: error, share over 1 px, time.
+"""Our models and StereoSGBM on the same pairs, none of which a model has seen: error, wrong pixels, edges, time.
 
     python -m benchmarks.accuracy.unseen_pairs --data DIR --models wang2020 --json FILE
 
-StereoSGBM stands twice: with its holes filled, so that it answers every pixel as the networks do, and as it is, where
-it leaves the pixels out that it does not trust.
+Every measure stands for all pixels with truth and for parts of them: those that both views show and those that only
+one does, those near a depth edge (with the flying pixels), those whose truth lies in the method's range, and those
+that the method calls valid. StereoSGBM stands twice: with its holes filled, so that it answers every pixel as the
+networks do, and as it is, where it leaves the pixels out that it does not trust.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from endosdk.evaluation.methods import estimator_method, evaluate, sgbm_method
 from endosdk.evaluation.sgbm import SgbmSettings
 from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
+
+PARTS = ("all", "non_occluded", "occluded", "edges", "in_range", "valid")
 
 
 def main() -> None:
@@ -43,8 +47,8 @@ def main() -> None:
         print(name, file=sys.stderr)
         scores[name] = evaluate(method, reader, args.pairs)
     record = {
-        "command": f"python -m benchmarks.accuracy.unseen_pairs --data {reader.name} --layout {args.layout} "
-        f"--split {split} --models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
+        "command": f"python -m benchmarks.accuracy.unseen_pairs --data {args.data.resolve().name} "
+        f"--layout {args.layout} --split {split} --models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
         + (f" --pairs {args.pairs}" if args.pairs else ""),
         "dataset": {"name": reader.name, "split": split, "sha256": reader.sha256},
         "models": {name: read_model(name).sha256 for name in args.models},
@@ -53,12 +57,14 @@ def main() -> None:
     }
     write_json(args.json, record)
     for name, score in scores.items():
-        for region in ("all", "non_occluded"):
-            if region in score:
-                m = score[region]
+        for part in PARTS:
+            if score.get(part, {}).get("valid"):
+                m = score[part]
+                flying = f", flying {100 * m['flying']:.2f} %" if "flying" in m else ""
                 print(
-                    f"{name:12} {region:13} EPE {m['epe_px']:.3f} px, over 1 px {100 * m['kpe_1']:.2f} %, "
-                    f"over 3 px {100 * m['kpe_3']:.2f} %, answered {100 * m['coverage']:.1f} % of {m['pixels']}"
+                    f"{name:12} {part:13} EPE {m['epe_px']:.3f} px, over 1 px {100 * m['kpe_1']:.2f} %, "
+                    f"over 3 px {100 * m['kpe_3']:.2f} %{flying}, {100 * m['share']:.1f} % of all pixels, "
+                    f"valid {100 * m['coverage']:.1f} % of {m['pixels']}"
                 )
 
 

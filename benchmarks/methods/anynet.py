@@ -1,9 +1,10 @@
 """AnyNet: Wang, Lai, Huang, Wang, Yan, Campbell, Weinberger: "Anytime Stereo Image Depth Estimation on Mobile Devices",
 ICRA 2019. All four stages: disparity at 1/16, residuals at 1/8 and 1/4, spatial propagation at 1/4.
 
-Sizes follow the description: features of 8, 4 and 2 channels by a small U-Net, L1 volumes with one channel, six 3-D
-convolutions a stage (16 channels at 1/16, 4 below), residuals of -2..2 px of the stage. Ours: rectified output, as the
-model file wants.
+Sizes follow the description: features of 8, 4 and 2 channels by a small U-Net that enlarges bilinearly, L1 volumes with
+one channel, six 3-D convolutions a stage (16 channels at 1/16, 4 below), residuals of -2..2 px of the stage. The gates
+of the propagation are always normalised, and it starts to learn late. Ours: rectified output, as the model file wants,
+and a propagation in 32-bit floats whatever the rest takes: 16 bits know a disparity of 64 px to half a pixel.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from benchmarks.methods.propagation import Propagation
-from benchmarks.methods.rival import RivalNetwork, Stages, column_index, enlarge, he_normal
+from benchmarks.methods.published import PublishedNetwork, Stages, column_index, enlarge, exactly, he_normal
 from endosdk.training.networks.base import check_max_disparity
 from endosdk.training.networks.blocks import scaled_colours
 from endosdk.training.networks.cost_volume import SoftArgmin, match_evidence, soft_argmin
@@ -32,14 +33,14 @@ def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1, dims: int
 class _Up(nn.Module):
     """One step up of the U-Net."""
 
-    def __init__(self, deep: int, skipped: int, outputs: int) -> None:
+    def __init__(self, deep: int, skipped: int) -> None:
         super().__init__()
-        self.up = nn.ConvTranspose2d(deep, deep // 2, 3, stride=2, padding=1, output_padding=1)
-        self.reduce = _conv(deep // 2 + skipped, outputs, kernel=1)
-        self.mix = nn.Sequential(_conv(outputs, outputs), _conv(outputs, outputs))
+        self.mix = nn.Sequential(_conv(deep + skipped, skipped), _conv(skipped, skipped))
 
     def forward(self, deep: Tensor, skipped: Tensor) -> Tensor:
-        out: Tensor = self.mix(self.reduce(torch.cat([skipped, self.up(deep)], dim=1)))
+        # With the corners aligned, as the authors have it.
+        larger = F.interpolate(deep, size=skipped.shape[-2:], mode="bilinear", align_corners=True)
+        out: Tensor = self.mix(torch.cat([skipped, larger], dim=1))
         return out
 
 
@@ -53,7 +54,7 @@ class _Features(nn.Module):
         )
         self.eighth = nn.Sequential(nn.MaxPool2d(2), _conv(2, 4), _conv(4, 4))
         self.sixteenth = nn.Sequential(nn.MaxPool2d(2), _conv(4, 8), _conv(8, 8))
-        self.up_eighth, self.up_quarter = _Up(8, 4, 4), _Up(4, 2, 2)
+        self.up_eighth, self.up_quarter = _Up(8, 4), _Up(4, 2)
 
     def forward(self, colours: Tensor) -> list[Tensor]:
         quarter = self.quarter(colours)
@@ -63,7 +64,29 @@ class _Features(nn.Module):
         return [sixteenth, eighth, self.up_quarter(eighth, quarter)]
 
 
-class AnyNet(RivalNetwork):
+class _Spatial(nn.Module):
+    """The fourth stage: a disparity that flows along rows where the colours of the left view let it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        wide = 2 * SPREAD
+        self.gates = nn.Sequential(
+            nn.Conv2d(3, wide, 3, padding=1, bias=False),
+            *(layer for _ in range(2) for layer in (nn.ReLU(), nn.Conv2d(wide, wide, 3, padding=1, bias=False))),
+            nn.ReLU(),
+            nn.Conv2d(wide, 3 * SPREAD, 3, padding=1, bias=False),
+        )
+        self.spread = nn.Conv2d(1, SPREAD, 3, padding=1, bias=False)
+        self.propagation = Propagation()
+        self.gather = nn.Conv2d(SPREAD, 1, 3, padding=1, bias=False)
+
+    def forward(self, disparity: Tensor, colours: Tensor) -> Tensor:
+        with exactly(disparity):
+            out: Tensor = self.gather(self.propagation(self.spread(disparity), self.gates(colours)))
+        return out
+
+
+class AnyNet(PublishedNetwork):
     """The four-stage network; its last stage is its answer."""
 
     name = "anynet"
@@ -79,19 +102,10 @@ class AnyNet(RivalNetwork):
             nn.Sequential(_conv(1, c, dims=3), *(_conv(c, c, dims=3) for _ in range(4)), _conv(c, 1, dims=3))
             for c in (16, 4, 4)
         )
-        wide = 2 * SPREAD
-        self.gates = nn.Sequential(
-            nn.Conv2d(3, wide, 3, padding=1, bias=False),
-            *(layer for _ in range(2) for layer in (nn.ReLU(), nn.Conv2d(wide, wide, 3, padding=1, bias=False))),
-            nn.ReLU(),
-            nn.Conv2d(wide, 3 * SPREAD, 3, padding=1, bias=False),
-        )
-        self.spread = nn.Conv2d(1, SPREAD, 3, padding=1, bias=False)
-        self.propagation = Propagation()
-        self.gather = nn.Conv2d(SPREAD, 1, 3, padding=1, bias=False)
+        self.refinement = _Spatial()  # by this name the loop knows what learns late
         he_normal(self)
 
-    def stages(self, left: Tensor, right: Tensor) -> Stages:
+    def stages(self, left: Tensor, right: Tensor, late: bool = True) -> Stages:
         """Match in three stages, then propagate."""
         pairs = left.shape[0]
         colours = scaled_colours(torch.cat([left, right]))
@@ -104,9 +118,9 @@ class AnyNet(RivalNetwork):
             step = found.disparity - RESIDUAL
             maps.append(maps[-1] + enlarge(step, left) * CELLS[stage])
             found = SoftArgmin(start + step, found.excess)
-        quarter = enlarge(maps[-1], levels[2][0])
-        flowed = self.propagation(self.spread(quarter), self.gates(enlarge(colours[:pairs], quarter)))
-        maps.append(torch.relu(enlarge(self.gather(flowed), left)))
+        if late:
+            quarter = enlarge(maps[-1], levels[2][0])
+            maps.append(torch.relu(enlarge(self.refinement(quarter, enlarge(colours[:pairs], quarter)), left)))
         return Stages(maps, enlarge(match_evidence(found, CELLS[2]), left))
 
     def _cost(self, stage: int, volume: Tensor) -> Tensor:
@@ -130,7 +144,7 @@ def _residual_volume(left: Tensor, right: Tensor, disparity: Tensor) -> Tensor:
     from the column beside them, so neighbouring shifts share what they read.
     """
     width = right.shape[-1]
-    place = column_index(right) - disparity
+    place = column_index(disparity) - disparity
     floor = place.detach().floor()
     share = (place - floor).unsqueeze(2)
     offsets = torch.arange(RESIDUAL + 1, -RESIDUAL - 1, -1, device=right.device).view(1, -1, 1, 1)

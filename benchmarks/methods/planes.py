@@ -1,7 +1,7 @@
 """3-D convolutions as 2-D ones over neighbouring planes, for export alone.
 
 The deployed runtime has quick kernels for 2-D convolutions and slow ones for 3-D. Our own networks are exported in this
-form, so rivals are too: otherwise their times would say more about those kernels than about the networks.
+form, so are these networks: otherwise their times would say more about those kernels than about the networks.
 """
 
 from __future__ import annotations

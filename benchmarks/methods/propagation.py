@@ -7,6 +7,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch._higher_order_ops.scan import scan
 
+NO_DIVISION_BY_ZERO = 1e-8
+
 
 class Propagation(nn.Module):
     """h[x] = (1 - g1 - g2 - g3) v[x] + g1 h[x-1, y-1] + g2 h[x-1, y] + g3 h[x-1, y+1], column by column."""
@@ -14,8 +16,8 @@ class Propagation(nn.Module):
     def forward(self, values: Tensor, gates: Tensor) -> Tensor:
         """Propagate values [N, C, h, w] under gates [N, 3 C, h, w], whose sizes may be anything."""
         three = torch.unflatten(gates, 1, (3, -1))
-        # Beyond a sum of one the recurrence would grow along the row.
-        three = three / three.abs().sum(dim=1, keepdim=True).clamp_min(1.0)
+        # Always to a sum of one, as AnyNet's authors do: beyond it the recurrence would grow along the row.
+        three = three / (three.abs().sum(dim=1, keepdim=True) + NO_DIVISION_BY_ZERO)
         columns, weights = values.permute(3, 0, 1, 2), three.permute(4, 1, 0, 2, 3)
         if torch.compiler.is_exporting():  # one operator of the file, for every width
             start = torch.zeros_like(columns[0])

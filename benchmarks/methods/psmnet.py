@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from benchmarks.methods.rival import RivalNetwork, Stages, enlarge, he_normal
+from benchmarks.methods.published import PublishedNetwork, Stages, enlarge, he_normal
 from endosdk.training.networks.base import check_max_disparity
 from endosdk.training.networks.blocks import scaled_colours
 from endosdk.training.networks.cost_volume import match_evidence, soft_argmin
@@ -100,7 +100,7 @@ class _Hourglass(nn.Module):
         return self.up2(post), pre, post
 
 
-class PSMNet(RivalNetwork):
+class PSMNet(PublishedNetwork):
     """The stacked hourglass."""
 
     name = "psmnet"
@@ -120,7 +120,7 @@ class PSMNet(RivalNetwork):
         )
         he_normal(self)
 
-    def stages(self, left: Tensor, right: Tensor) -> Stages:
+    def stages(self, left: Tensor, right: Tensor, late: bool = True) -> Stages:
         """Match; the outputs of the first two hourglasses are computed only where they are trained or asked for."""
         pairs = left.shape[0]
         views = self.features(scaled_colours(torch.cat([left, right])))

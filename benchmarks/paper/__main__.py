@@ -1,5 +1,6 @@
 """Redo the paper's experiments: one resumable command.
 
+    python -m benchmarks.paper all --data DIR --minutes 600
     python -m benchmarks.paper plan --data DIR
     python -m benchmarks.paper search --data DIR --pairs 20
     python -m benchmarks.paper train --data DIR --minutes 60
@@ -8,6 +9,7 @@
     python -m benchmarks.paper figures --data DIR
     python -m benchmarks.paper report
 
+``all`` does the others one after the other: called again, it takes the runs further and writes the report anew.
 Runs lie under --runs, by budget, and go on where they stopped. Scores are kept beside them; tables go to --results, the
 report and its figures to --docs. The methods on another set: evaluate --test-data DIR --table table1_NAME.
 """
@@ -17,12 +19,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paper.experiments import BUDGETS, LABELS, Experiment, unique_runs
+from benchmarks.paper.experiments import BUDGETS, LABELS, SEEDS, Experiment, unique_runs
 
-OVERRIDES = ("steps", "batch", "train_pairs", "device", "workers", "precision")
+OVERRIDES = ("steps", "epochs", "batch", "train_pairs", "device", "workers", "precision")
+SEARCH_PAIRS = 20
 
 
 def main(words: list[str] | None = None) -> int:
@@ -93,21 +97,44 @@ def _print_plan(args: argparse.Namespace) -> None:
 
 
 def _train(args: argparse.Namespace) -> None:
-    from benchmarks.paper.runs import advance, config_of, stop_after
-    from endosdk.datasets.layouts import open_dataset
+    """Take every run further; when the minutes are over, end as if all had been done."""
+    from benchmarks.paper.runs import limited_to
 
     _print_plan(args)
-    budget = _budget(args)
-    timer = stop_after(args.minutes) if args.minutes else None
-    available = len(open_dataset(args.data, "train", layout=args.layout))
-    for experiment in _chosen(args):
-        config = config_of(experiment, args.data, args.layout, budget, _overrides(args))
-        if config.train_pairs is not None and config.train_pairs > available:
-            print(f"{experiment.name}: needs {config.train_pairs} pairs, there are {available}", file=sys.stderr)
-            continue
-        advance(experiment, config, args.runs / budget / experiment.name)
-    if timer is not None:
-        timer.cancel()
+    begun = time.monotonic()
+    try:
+        with limited_to(args.minutes):
+            for experiment in _chosen(args):
+                _take_further(experiment, args)
+    except KeyboardInterrupt:
+        if not args.minutes or time.monotonic() - begun < 60 * args.minutes:
+            raise
+        print(f"{args.minutes:g} minutes are over; the same command goes on from here", file=sys.stderr)
+
+
+def _take_further(experiment: Experiment, args: argparse.Namespace) -> None:
+    from benchmarks.paper.runs import advance, config_of, test_errors, training_set
+    from endosdk.datasets.layouts import open_dataset
+
+    budget, overrides = _budget(args), _overrides(args)
+    test = open_dataset(args.test_data or args.data, "test", layout=args.layout)
+    settings = experiment.settings(budget, overrides)
+    there = len(open_dataset(args.data, "train", layout=args.layout)) + (len(test) if experiment.with_test else 0)
+    if settings["train_pairs"] > there:
+        print(f"{experiment.name}: needs {settings['train_pairs']} pairs, there are {there}", file=sys.stderr)
+        return
+    data = training_set(experiment, args.data, args.layout, settings["train_pairs"], args.runs)
+    config = config_of(experiment, data, args.layout, budget, overrides)
+    # Runs that go by epochs are measured on the test pairs after each: those are the curves.
+    watch = test_errors(test, args.pairs or BUDGETS[budget].ablation_pairs) if "epochs" in settings else None
+    advance(experiment, config, args.runs / budget / experiment.name, watch)
+
+
+def _all(args: argparse.Namespace) -> None:
+    if not (args.results / "paper/sgbm_search.json").exists():
+        _search(args)
+    for step in (_train, _evaluate, _time, _figures, _report):
+        step(args)
 
 
 def _search(args: argparse.Namespace) -> None:
@@ -117,14 +144,16 @@ def _search(args: argparse.Namespace) -> None:
     from endosdk.jobs.machine import machine_record
 
     reader = open_dataset(args.data, "train", layout=args.layout)
-    count = min(args.pairs or len(reader), len(reader))
-    found = search_sgbm([reader[i * len(reader) // count] for i in range(count)])
-    command = f"python -m benchmarks.paper search --data DIR --pairs {count}"
-    data = {"name": reader.name, "sha256": reader.sha256, "split": "train"}
-    write_json(
-        args.results / "paper/sgbm_search.json",
-        {"command": command, "data": data, **found, "machine": machine_record()},
-    )
+    count = min(args.pairs or SEARCH_PAIRS, len(reader))
+    samples = [reader[i * len(reader) // count] for i in range(count)]
+    record = {
+        "command": f"python -m benchmarks.paper search --data DIR --pairs {count}",
+        "data": {"name": reader.name, "sha256": reader.sha256, "split": "train"},
+        "pairs": [sample.id for sample in samples],
+        "forms": {name: search_sgbm(samples, eight_paths=name == "sgbm-hh") for name in ("sgbm", "sgbm-hh")},
+        "machine": machine_record(),
+    }
+    write_json(args.results / "paper/sgbm_search.json", record)
 
 
 def _evaluate(args: argparse.Namespace) -> None:
@@ -135,18 +164,22 @@ def _evaluate(args: argparse.Namespace) -> None:
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     budget, wanted = _budget(args), set(args.only or LABELS)
     scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
+    # As many training pairs tell what a run makes of what it has learned from.
+    train = open_dataset(args.data, "train", layout=args.layout) if args.data else None
+    learned = tables.Scores(args.runs / "scores.json", train, scores.pairs) if train else None
     first = scores.on_first(BUDGETS[budget].ablation_pairs)
     size = reader[0].left.shape[1::-1]
     table, ablations = args.results / f"paper/{args.table}.json", args.results / "paper/ablations.json"
     states = [state_of(run, args.runs, budget, _overrides(args)) for run in _chosen(args)]
     done = {state.name: state for state in states if state is not None}
+    rowed = LABELS.keys() | SEEDS.keys()
     # The ablations are scored on the set of table1 alone.
-    ablated = {name for name in done if name not in LABELS} if args.table == "table1" else set()
-    if wanted & LABELS.keys():
+    ablated = done.keys() - rowed if args.table == "table1" else set()
+    if wanted & rowed:
         tables.check_same_pairs(table, scores)
     if ablated:
         tables.check_same_pairs(ablations, first)
-    rows = {name: tables.trained_row(scores, done[name], size) for name in done.keys() & LABELS.keys()}
+    rows = {name: tables.trained_row(scores, done[name], size, learned) for name in done.keys() & rowed}
     if wanted & {"sgbm", "sgbm-hh", "bm"}:
         rows.update(tables.classical_rows(scores, _best_sgbm(args.results)))
     if wanted & {"shipped-wang2020", "shipped-fast"}:
@@ -156,13 +189,15 @@ def _evaluate(args: argparse.Namespace) -> None:
     if rows:
         tables.write_table(table, scores, rows)
     if ablated:
-        found = {name: tables.trained_row(first, done[name], size) for name in ablated}
+        found = {name: tables.trained_row(first, done[name], size, None) for name in ablated}
         tables.write_ablations(ablations, first, found)
 
 
-def _best_sgbm(results: Path) -> dict[str, Any] | None:
+def _best_sgbm(results: Path) -> dict[str, dict[str, Any]]:
+    """Return the best settings of each form that was searched."""
     file = results / "paper/sgbm_search.json"
-    return dict(json.loads(file.read_text())["best"]) if file.exists() else None
+    forms = json.loads(file.read_text())["forms"] if file.exists() else {}
+    return {name: dict(found["best"]) for name, found in forms.items()}
 
 
 def _time(args: argparse.Namespace) -> None:
@@ -183,11 +218,11 @@ def _figures(args: argparse.Namespace) -> None:
 def _report(args: argparse.Namespace) -> None:
     from benchmarks.paper.report import write_report
 
-    for file in write_report(args.results, args.docs):
-        print(f"written {file}")
+    print(f"written {write_report(args.results, args.docs)}")
 
 
 COMMANDS = {
+    "all": _all,
     "plan": _print_plan,
     "search": _search,
     "train": _train,

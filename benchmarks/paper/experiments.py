@@ -1,17 +1,42 @@
-"""What is trained, as data: the protocol that all networks share, the rows of Table 1, and the ablations.
+"""What is trained, as data: the two protocols, the rows of Table 1, and the ablations.
 
-An experiment is the handful of settings in which it differs from the protocol. The numbers behind the names of groups
+An experiment is the handful of settings in which it differs from its protocol. The numbers behind the names of groups
 are those of the paper's figures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-# Sixteen epochs over 800 pairs in batches of four, as in the paper; crops and augmentation are the same for everybody.
-PROTOCOL: dict[str, Any] = {
+FRAME = (720, 960)
+# The paper's own: whole frames, 16 passes over 800 pairs, RMSprop whose rate falls by one factor an epoch, the loss at
+# both stages, no augmentation. It names no batch, no factor and no limit of the gradient: a batch of one fits the 8 GB
+# of its card whatever the range, the factor brings the rate to a thirtieth, and nothing is limited or warmed up.
+PAPER_PROTOCOL: dict[str, Any] = {
+    "network": "wang2020-whole-range",
+    "max_disparity": 192,
+    "train_pairs": 800,
+    "epochs": 16,
+    "batch": 1,
+    "crop": FRAME,
+    "augment": False,
+    "loss": "scale-invariant",
+    "balance": 0.5,
+    "coarse_weight": 1.0,
+    "optimiser": "rmsprop",
+    "rate": 1e-3,
+    "final_rate": 3e-5,
+    "decay": "epochs",
+    "warmup": 0,
+    "clip": 0.0,
+    "held_out": 0,
+    "seed": 0,
+}
+# Ours, of earlier reports: as many samples, but crops with strong augmentation in batches of four, a warm-up and a
+# limit of the gradient, planes that end 8 px before the range, and half the weight for the coarse map.
+OUR_PROTOCOL: dict[str, Any] = {
     "network": "wang2020",
     "max_disparity": 72,
     "batch": 4,
@@ -26,31 +51,23 @@ PROTOCOL: dict[str, Any] = {
     "held_out": 0,
     "seed": 0,
 }
+PROTOCOLS = {"paper": PAPER_PROTOCOL, "ours": OUR_PROTOCOL}
 
 
 @dataclass(frozen=True)
 class Budget:
-    """How much a run may see on one kind of device: what differs from the protocol, and who stops earlier.
+    """How much a run may see on one kind of device: what differs from the protocols."""
 
-    The runs of a group are alike: those of Table 1 take ``changes``, those of all other groups ``ablation``.
-    """
-
-    changes: dict[str, Any] = field(default_factory=dict)
+    ours: dict[str, Any] = field(default_factory=dict)  # of the runs of Table 1 by our protocol
     ablation: dict[str, Any] = field(default_factory=dict)
     ablation_pairs: int | None = None  # of the test split, the first; None for all
-    most_steps: dict[str, int] = field(default_factory=dict)  # of networks that are too dear for the whole budget
 
 
-# On processors the refinement, a local part and by far the dearest, learns on a window of each crop. The ablations,
-# thirteen runs that are compared with one another alone, take fewer and smaller crops.
+# On processors the refinement of runs by our protocol, a local part and by far the dearest, learns on a window of each
+# crop. The ablations see a strip of a sixth of each frame, as wide as the frame: so every range has its whole width.
 BUDGETS = {
     "gpu": Budget(),
-    "cpu": Budget(
-        changes={"refine_crop": (128, 256)},
-        ablation={"steps": 1200, "crop": (192, 384), "refine_crop": (64, 128)},
-        ablation_pairs=25,
-        most_steps={"psmnet": 900},
-    ),
+    "cpu": Budget(ours={"refine_crop": (128, 256)}, ablation={"crop": (120, 960)}, ablation_pairs=25),
 }
 
 
@@ -62,61 +79,121 @@ class Experiment:
     group: str
     label: str
     changes: dict[str, Any] = field(default_factory=dict)
-
-    def planned(self, budget: str, overrides: dict[str, Any]) -> dict[str, Any]:
-        """Return all settings of the whole budget; overrides shorten every run alike: a comparison stays fair."""
-        share = BUDGETS[budget].changes if self.group == "table1" else BUDGETS[budget].ablation
-        return {**PROTOCOL, **share, **self.changes, **overrides}
+    protocol: str = "paper"  # a key of `PROTOCOLS`
+    with_test: bool = False  # the last of its training pairs are the test pairs, to see what they would add
+    late_stage: float = 0.0  # share of the steps after which the network's last stage learns too
 
     def settings(self, budget: str, overrides: dict[str, Any]) -> dict[str, Any]:
-        """Return the settings to train with: a network that is too dear for the budget takes fewer steps."""
-        planned = self.planned(budget, overrides)
-        most = BUDGETS[budget].most_steps.get(planned["network"], planned["steps"])
-        return {**planned, "steps": min(planned["steps"], most)}
+        """Return the settings to train with; overrides shorten every run alike: a comparison stays fair."""
+        share = BUDGETS[budget].ours if self.protocol == "ours" else {}
+        if self.group != "table1":
+            share = BUDGETS[budget].ablation
+        found = {**PROTOCOLS[self.protocol], **share, **self.changes, **overrides}
+        if "epochs" in found and "steps" not in overrides:
+            found["steps"] = found["epochs"] * found["train_pairs"] // found["batch"]
+        if self.late_stage:
+            found["refine_from_step"] = round(self.late_stage * found["steps"])
+        return found
+
+    @property
+    def setting(self) -> tuple[Any, ...]:
+        """What runs that differ in their seed alone have in common."""
+        plain = {name: value for name, value in self.changes.items() if name != "seed"}
+        return self.protocol, self.group == "table1", self.with_test, tuple(sorted(plain.items()))
 
 
-# AnyNet and PSMNet divide by 16, so their range is the next one that covers the data's 69.5 px. They have no refinement
-# apart, and always learn on whole crops. Loss, optimiser (Adam: AdamW without decay) and first rate are of their
-# papers; the fall of the rate is the protocol's.
-RIVAL_RECIPE: dict[str, Any] = {"loss": "smooth-l1", "optimiser": "adamw", "weight_decay": 0.0}
-RIVAL: dict[str, Any] = {"max_disparity": 80, "refine_crop": None, **RIVAL_RECIPE}
+def seeded(count: int, name: str, group: str, label: str, changes: dict[str, Any], **more: Any) -> list[Experiment]:
+    """Return the run with so many seeds; the first has the plain name."""
+    marks = [("", ""), *((f"-seed{seed}", f", seed {seed}") for seed in range(1, count))]
+    return [
+        Experiment(name + mark, group, label + said, {**changes, **({"seed": seed} if seed else {})}, **more)
+        for seed, (mark, said) in enumerate(marks)
+    ]
 
-EXPERIMENTS = (
-    Experiment("wang2020", "table1", "wang2020"),
+
+# Loss, optimiser (Adam: AdamW without decay) and first rate of the other networks are of their papers.
+PUBLISHED_RECIPE: dict[str, Any] = {"loss": "smooth-l1", "optimiser": "adamw", "weight_decay": 0.0}
+# PSMNet divides by 16, so its range is the next one that covers the data's 69.5 px. It has no refinement apart.
+PSMNET: dict[str, Any] = {"network": "psmnet", "max_disparity": 80, "refine_crop": None, **PUBLISHED_RECIPE}
+# As its authors publish it: batches of six, a rate that is held for two thirds and then falls to a tenth, a propagation
+# that learns from two fifths on. Whole frames as the paper, and twice its epochs: ten times the products of our first
+# run, whose error came from its short training.
+ANYNET: dict[str, Any] = {
+    "network": "anynet",
+    "max_disparity": 192,
+    "batch": 6,
+    "epochs": 32,
+    "rate": 5e-4,
+    "final_rate": 5e-5,
+    "decay": "drop",
+    **PUBLISHED_RECIPE,
+}
+LATE_STAGE = 120 / 300
+
+VOLUMES = {"100 pairs": 100, "400 pairs": 400, "800 pairs": 800, "800 pairs and the test pairs": 900}
+RANGES = (72, 56, 48, 40)
+REFINED_AT = 56  # px: the range at which the paper compares with and without refinement
+# Never trained, the refinement, which starts as the identity, leaves the coarse map as it is.
+UNREFINED: dict[str, Any] = {"refine_from_step": 10**9}
+
+
+def _volume(label: str, group: str, changes: dict[str, Any], mark: str, said: str) -> list[Experiment]:
+    pairs = VOLUMES[label]
+    more = {"with_test": True} if pairs > PAPER_PROTOCOL["train_pairs"] else {}
+    named = {} if pairs == PAPER_PROTOCOL["train_pairs"] else {"train_pairs": pairs}
+    return seeded(2, f"pairs-{pairs}{mark}", group, label + said, {**changes, **named}, **more)
+
+
+def _experiments() -> Iterable[Experiment]:
+    yield from seeded(3, "paper-192", "table1", "D = 192", {})
+    yield from seeded(3, "paper-72", "table1", "D = 72", {"max_disparity": 72})
+    yield from seeded(2, "anynet-published", "table1", "AnyNet", ANYNET, late_stage=LATE_STAGE)
+    yield Experiment("psmnet", "table1", "PSMNet", PSMNET, "ours")
+    yield Experiment("wang2020", "table1", "wang2020", {}, "ours")
     # What the loss and the optimiser of its paper cost: all else as above.
-    Experiment("wang2020-adam", "table1", "wang2020, smooth L1 and Adam", RIVAL_RECIPE),
-    Experiment("anynet", "table1", "AnyNet", {"network": "anynet", "rate": 5e-4, **RIVAL}),
-    Experiment("psmnet", "table1", "PSMNet", {"network": "psmnet", **RIVAL}),
-    Experiment("loss-l2", "loss", "L2", {"loss": "l2"}),
-    Experiment("loss-log", "loss", "lambda 0", {"balance": 0.0}),
-    Experiment("base", "loss", "lambda 0.5"),
-    Experiment("loss-invariant", "loss", "lambda 1", {"balance": 1.0}),
-    Experiment("loss-l2-again", "loss", "L2, second seed", {"loss": "l2", "seed": 1}),
-    Experiment("base-again", "loss", "lambda 0.5, second seed", {"seed": 1}),
-    Experiment("pairs-100", "pairs", "100 pairs", {"train_pairs": 100}),
-    Experiment("pairs-400", "pairs", "400 pairs", {"train_pairs": 400}),
-    Experiment("base", "pairs", "800 pairs"),
-    Experiment("pairs-900", "pairs", "900 pairs", {"train_pairs": 900}),
-    Experiment("range-192", "range", "192 px", {"max_disparity": 192}),
-    Experiment("base", "range", "72 px"),
-    Experiment("range-56", "range", "56 px", {"max_disparity": 56}),
-    Experiment("range-48", "range", "48 px", {"max_disparity": 48}),
-    Experiment("range-40", "range", "40 px", {"max_disparity": 40}),
-    Experiment("base", "refinement", "with refinement"),
-    # The refinement starts as the identity: never trained, it leaves the coarse map as it is.
-    Experiment("no-refinement", "refinement", "without refinement", {"refine_from_step": 10**9}),
-)
+    yield Experiment("wang2020-adam", "table1", "wang2020, smooth L1 and Adam", PUBLISHED_RECIPE, "ours")
+    base = {"name": "base", "changes": {}}
+    yield from seeded(2, "loss-l2", "loss", "L2", {"loss": "l2"})
+    yield Experiment("loss-log", "loss", "lambda 0", {"balance": 0.0})
+    yield from seeded(3, group="loss", label="lambda 0.5", **base)
+    yield Experiment("loss-invariant", "loss", "lambda 1", {"balance": 1.0})
+    for label in VOLUMES:
+        if VOLUMES[label] == PAPER_PROTOCOL["train_pairs"]:
+            yield from seeded(3, group="pairs", label=label, **base)
+        else:
+            yield from _volume(label, "pairs", {}, "", "")
+    yield from seeded(3, group="range", label="192 px", **base)
+    for largest in RANGES:
+        yield from seeded(3, f"range-{largest}", "range", f"{largest} px", {"max_disparity": largest})
+    at = {"max_disparity": REFINED_AT}
+    for label in VOLUMES:
+        if VOLUMES[label] == PAPER_PROTOCOL["train_pairs"]:
+            yield from seeded(3, f"range-{REFINED_AT}", "refinement", f"{label}, refined", at)
+        else:
+            yield from _volume(label, "refinement", at, f"-at{REFINED_AT}", ", refined")
+        yield from _volume(label, "refinement", {**at, **UNREFINED}, f"-at{REFINED_AT}-coarse", ", coarse alone")
+
+
+EXPERIMENTS = tuple(_experiments())
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One thing that the paper found, in words and as how the error of a run compares with those of others."""
+    """One thing that the paper found, in words and as how a measure of a run compares with that of others."""
 
     text: str
     run: str  # label, as those of the others
-    relation: str  # a key of `verdicts.VERDICTS`
+    relation: str  # a key of `verdicts.RELATIONS`
     others: tuple[str, ...]
-    fair_on_windows: bool = True  # False: a window of the refinement changes more than what is compared
+    measure: str = "epe"  # a key of `MEASURES`
+
+
+# What a claim may be about: the key of a row, and how it is said.
+MEASURES = {
+    "epe": "test EPE over all truth, px",
+    "epe_in_range": "test EPE over truth that the range holds, px",
+    "last_loss": "training loss in the last epoch",
+}
 
 
 @dataclass(frozen=True)
@@ -127,7 +204,18 @@ class Group:
     figures: str
     claims: tuple[Claim, ...] = ()
     remark: str = ""
-    curves: str = ""  # what to know about the curves of training
+
+
+_SHORT = tuple(f"{largest} px" for largest in RANGES)
+
+
+def _range_claims(measure: str) -> tuple[Claim, ...]:
+    where = {"epe": "", "epe_in_range": ", over the truth that each range holds"}[measure]
+    return (
+        Claim(f"192 px has a clearly larger error than 72 px and less{where}", "192 px", "above", _SHORT, measure),
+        Claim(f"72 to 40 px differ little{where}", "72 px", "like", _SHORT[1:], measure),
+        Claim(f"56 px is best by a little{where}", "56 px", "below", ("192 px", "72 px", "48 px", "40 px"), measure),
+    )
 
 
 GROUPS = {
@@ -141,68 +229,88 @@ GROUPS = {
         "Loss",
         "Fig. 5",
         (Claim("the scale-invariant loss ends at a smaller error than L2", "lambda 0.5", "below", ("L2",)),),
+        "Losses of different kinds have different units: their curves say when a run settles, not which is better.",
     ),
     "pairs": Group(
         "Number of training pairs",
         "Fig. 7, 8",
         (
             Claim("100 pairs are clearly worse than 800", "100 pairs", "above", ("800 pairs",)),
-            Claim("800 pairs are enough: 900 do no better", "800 pairs", "not above", ("900 pairs",)),
+            Claim(
+                "adding the test pairs lowers the test error", "800 pairs and the test pairs", "below", ("800 pairs",)
+            ),
         ),
+        "Every run makes 16 passes, so one with fewer pairs takes fewer steps, as in the paper.",
     ),
     "range": Group(
         "Maximum disparity",
         "Fig. 9, 10",
         (
-            Claim("192 px is clearly worse than 72 and less", "192 px", "above", ("72 px", "56 px", "48 px", "40 px")),
-            Claim("56 px is best by a little", "56 px", "below", ("192 px", "72 px", "48 px", "40 px")),
+            *_range_claims("epe"),
+            *_range_claims("epe_in_range"),
+            Claim("192 px has a slightly larger loss", "192 px", "above", ("72 px",), "last_loss"),
         ),
-        "What lies beyond a run's range it cannot find; the histogram of our disparities is at the end.",
-        "each run leaves out truth beyond its own range, so a short range looks better than it is",
+        "What lies beyond a run's range it cannot find, and does not learn from: over all truth this alone decides for "
+        "the short ranges. So each claim has a second verdict, over the truth that the run's own range holds.",
     ),
     "refinement": Group(
         "Edge refinement",
         "Fig. 11, 12",
-        (
+        tuple(
             Claim(
-                "the error is almost the same with and without",
-                "with refinement",
+                f"{label}: the test error is almost the same with and without",
+                f"{label}, refined",
                 "like",
-                ("without refinement",),
-                fair_on_windows=False,
-            ),
+                (f"{label}, coarse alone",),
+            )
+            for label in VOLUMES
         ),
-        curves="with refinement, the refined map on the window it learns on; without, the coarse map on whole crops",
+        f"All at {REFINED_AT} px. The loss of a refined run is the sum over two maps, that of a coarse one of one map.",
     ),
 }
 
 # The methods that need no training, in the order of the table; `None` stands for the settings that the search found.
 CLASSICAL: dict[str, dict[str, Any] | None] = {"sgbm": None, "sgbm-hh": None, "bm": {}}
 LABELS = {
-    "wang2020": "wang2020, by its paper's recipe",
-    "wang2020-adam": "wang2020, loss and optimiser of the rivals",
+    "paper-192": "wang2020 by its paper's protocol, D = 192",
+    "paper-72": "wang2020 by its paper's protocol, D = 72",
+    "wang2020": "wang2020, its loss and optimiser, our protocol",
+    "wang2020-adam": "wang2020, loss and optimiser of the other networks, our protocol",
     "shipped-wang2020": "wang2020 as shipped",
     "shipped-fast": "fast as shipped",
-    "anynet": "AnyNet",
+    "anynet-published": "AnyNet as published",
+    "anynet": "AnyNet, gates and upsampling of ours, short training",
     "psmnet": "PSMNet",
     "patchmatch": "PatchMatch stereo",
     "sgbm": "StereoSGBM",
     "sgbm-hh": "StereoSGBM, 8 paths",
     "bm": "StereoBM",
 }
+# Further seeds stand in the table once they have been run.
+SEEDS = {
+    run.name: f"{LABELS[run.name.partition('-seed')[0]]}, seed {run.changes['seed']}"
+    for run in EXPERIMENTS
+    if run.group == "table1" and "seed" in run.changes
+}
 # What the paper found worse than wang2020 in error and in time.
-RIVALS = ("anynet", "psmnet", "patchmatch", "sgbm")
+COMPARED = ("anynet-published", "psmnet", "patchmatch", "sgbm")
+# The paper's own numbers, on its own data and a GTX 1080.
 PAPER_EPE_PX = 0.4145
-AIM_EPE_PX = 0.20  # of our best recipe for wang2020
-PAPER_FRAME = (720, 960)
+PAPER_TIMES = {"wang2020": "21.8 ms, 45 frames a second", "AnyNet": "27 frames a second"}
+TARGET_EPE_PX = 0.20  # of our best recipe for wang2020
 
 
 def unique_runs() -> list[Experiment]:
-    """Every run once, in the order in which they are to be trained; groups share runs."""
+    """Every run once, in the order in which they are to be trained: first seeds first; groups share runs."""
     seen: dict[str, Experiment] = {}
     for experiment in EXPERIMENTS:
         seen.setdefault(experiment.name, experiment)
-    return list(seen.values())
+    return sorted(seen.values(), key=lambda run: int(run.changes.get("seed", 0)))
+
+
+def rows_by_name(groups: dict[str, dict[str, dict[str, Any] | None]]) -> dict[str, dict[str, Any]]:
+    """Return the rows of the ablations' groups by the names of their runs."""
+    return {run.name: row for run in EXPERIMENTS if (row := groups.get(run.group, {}).get(run.label))}
 
 
 def size(sides: Sequence[int]) -> str:
@@ -210,6 +318,8 @@ def size(sides: Sequence[int]) -> str:
     return f"{sides[1]} x {sides[0]}"
 
 
-def crops(settings: dict[str, Any]) -> str:
-    """Write how many crops a run sees, and of which size."""
-    return f"{settings['steps'] * settings['batch']} crops of {size(settings['crop'])}"
+def crops(count: int, crop: Sequence[int]) -> str:
+    """Write how many samples a run sees, and of which size."""
+    if tuple(crop) == FRAME:
+        return f"{count} whole frames"
+    return f"{count} crops of {size(crop)}"

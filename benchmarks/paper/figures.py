@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,19 @@ from PIL import Image
 
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper.experiments import GROUPS, LABELS, Group
+from benchmarks.paper.experiments import GROUPS, LABELS
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.sgbm import fill_holes
-from endosdk.io.overview import colour_map, robust_range
+from endosdk.runtime.overview import colour_map, robust_range
 
-CURVES = ("loss", "pairs", "range", "refinement")
+# What is drawn of a run's epochs: the key in its curve, and how the axis is called.
+CURVES = {
+    "loss": "training loss, mean of the epoch",
+    "test_epe": "mean error on test pairs, px",
+    "test_epe_in_range": "mean error on test pairs, truth in range, px",
+}
 DOTS_PER_INCH = 110
-SMOOTHED = 40  # entries of a curve: a batch's error says little
 
 
 def draw_all(args: argparse.Namespace) -> list[Path]:
@@ -33,11 +36,12 @@ def draw_all(args: argparse.Namespace) -> list[Path]:
     written = [draw_histogram(reader, args.docs / "histogram.png", args.pairs)]
     ablations = args.results / "paper/ablations.json"
     groups = json.loads(ablations.read_text())["groups"] if ablations.exists() else {}
-    for group in CURVES:
-        known = {label: row for label, row in groups.get(group, {}).items() if row}
+    for group, rows in groups.items():
+        known = {label: row for label, row in rows.items() if row and row["curve"]}
         if len(known) > 1:  # one run alone compares nothing
-            written.append(draw_curves(known, GROUPS[group], args.docs / f"{group}_loss.png"))
-            written.append(draw_bars(known, GROUPS[group].title, args.docs / f"{group}_epe.png"))
+            for measure in CURVES:
+                file = args.docs / f"{group}_{measure.removeprefix('test_')}.png"
+                written.append(draw_curves(known, GROUPS[group].title, measure, file))
     written.append(draw_methods(args, reader, reader[0], args.docs / "methods.png"))
     return written
 
@@ -56,38 +60,26 @@ def draw_histogram(reader: DatasetReader, file: Path, limit: int | None = None) 
     return _save(figure, file)
 
 
-def draw_curves(rows: dict[str, dict[str, Any]], group: Group, file: Path) -> Path:
-    """Draw the training error of the finest map against steps, one curve a run."""
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
+def draw_curves(rows: dict[str, dict[str, Any]], title: str, measure: str, file: Path) -> Path:
+    """Draw one measure of the curves against epochs; further seeds of a run are thin lines of its colour."""
+    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
     axes = figure.add_subplot()
+    colours: dict[str, str] = {}
     for label, values in rows.items():
-        steps, errors = values["curve"]["steps"], np.array(values["curve"]["epe"])
-        width = max(1, min(SMOOTHED, len(errors) // 4))
-        smooth = np.convolve(errors, np.ones(width) / width, mode="valid")
-        axes.plot(steps[width - 1 :], smooth, label=label)
-    axes.set(xlabel="step", ylabel="error in training, px", yscale="log")
-    axes.set_title(textwrap.fill(group.curves, 70), fontsize=8)
-    figure.suptitle(group.title)
+        first = label.partition(", seed ")[0]
+        known = first in colours
+        (line,) = axes.plot(
+            values["curve"]["epochs"],
+            values["curve"][measure],
+            color=colours.get(first),
+            linewidth=0.7 if known else 1.6,
+            label=None if known else first,
+        )
+        colours.setdefault(first, line.get_color())
+    axes.set(xlabel="epoch", ylabel=CURVES[measure], yscale="log", title=title)
     # Beside the axes: curves are everywhere within.
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=9)
-    axes.grid(alpha=0.3)
-    return _save(figure, file)
-
-
-def draw_bars(rows: dict[str, dict[str, Any]], title: str, file: Path) -> Path:
-    """Draw the test error of each run of a group; runs that stopped early are hatched."""
-    figure = Figure(figsize=(6, 3.2), layout="constrained")
-    axes = figure.add_subplot()
-    labels = []
-    for place, (label, values) in enumerate(rows.items()):
-        bar = axes.bar(place, values["epe"], color="#a0522d", hatch=None if values["complete"] else "//")
-        axes.bar_label(bar, fmt="%.3f")
-        early = "" if values["complete"] else f"\n{values['samples_seen']} of {values['samples_planned']} crops"
-        labels.append(label.replace(", ", "\n") + early)
-    axes.set_xticks(range(len(labels)), labels, fontsize=8)
-    axes.margins(y=0.12)
-    (pairs,) = {values["pairs"] for values in rows.values()}  # those of a record are all the same
-    axes.set(ylabel=f"mean error, first {pairs} test pairs, px", title=title)
+    axes.grid(alpha=0.3, which="both")
     return _save(figure, file)
 
 

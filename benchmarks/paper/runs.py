@@ -8,18 +8,33 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import benchmarks.methods.networks  # noqa: F401  makes the rivals known
+import numpy as np
+
+import benchmarks.methods.networks  # noqa: F401  makes the other networks known
 from benchmarks.methods.costs import step_gmacs
-from benchmarks.methods.rival import RivalNetwork
+from benchmarks.methods.published import PublishedNetwork
 from benchmarks.paper.experiments import Experiment
+from benchmarks.paper.joined_set import with_test_pairs
+from endosdk.datasets.dataset import DatasetReader
+from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
-from endosdk.training.export import ModelInfo, export_model
-from endosdk.training.train import train
+from endosdk.training.export import ModelDescription, export_model
+from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.train import Watch, train
+from endosdk.training.validation import predict_frames
+
+# Settings that say where and how long a run computes, not what it is.
+FREE = (
+    *("data", "layout", "steps", "validate_every", "log_every", "refine_from_step"),
+    *("device", "precision", "workers", "threads"),
+)
 
 
 @dataclass(frozen=True)
@@ -27,6 +42,7 @@ class RunState:
     """How far a run has come."""
 
     name: str
+    protocol: str
     budget: str
     folder: Path
     sha256: str  # of the checkpoint: a run that was begun anew has other weights after as many steps
@@ -35,6 +51,9 @@ class RunState:
     config: TrainConfig
     refine_margin: int  # px beyond its window that the refinement saw of the coarse map; 0: zeros
     trained_on: dict[str, Any]  # name, sha256 and pairs of the data set
+    precision: str | None  # None: a run from before it was noted
+    hours: float
+    history: list[dict[str, float]]  # what was measured on the test pairs while it trained
 
     @property
     def samples_seen(self) -> int:
@@ -53,10 +72,11 @@ class RunState:
 
 
 def config_of(experiment: Experiment, data: Path, layout: str, budget: str, overrides: dict[str, Any]) -> TrainConfig:
-    """Return the settings of a run; nothing is validated while it trains, since the test split is scored after."""
+    """Return the settings of a run; where it goes by epochs, something may be measured after each."""
     settings = experiment.settings(budget, overrides)
-    steps = settings["steps"]
-    return TrainConfig.from_dict({"data": str(data), "layout": layout, "validate_every": steps, **settings})
+    every = max(1, settings["steps"] // settings.get("epochs", 1))
+    often = {"validate_every": every, "log_every": min(TrainConfig.log_every, every)}  # every epoch has its loss
+    return TrainConfig.from_dict({"data": str(data), "layout": layout, **often, **settings})
 
 
 def state_of(experiment: Experiment, runs: Path, budget: str, overrides: dict[str, Any]) -> RunState | None:
@@ -65,44 +85,135 @@ def state_of(experiment: Experiment, runs: Path, budget: str, overrides: dict[st
     if not (folder / checkpoint.LAST).exists():
         return None
     saved = checkpoint.load(folder)
-    steps = experiment.planned(budget, overrides)["steps"]
+    settings = experiment.settings(budget, overrides)
+    check_settings(experiment.name, saved.config, settings)
     return RunState(
         name=experiment.name,
+        protocol=experiment.protocol,
         budget=budget,
         folder=folder,
         sha256=hashlib.sha256((folder / checkpoint.LAST).read_bytes()).hexdigest(),
         step=saved.step,
-        steps=steps,
+        steps=settings["steps"],
         config=saved.config,
         refine_margin=saved.state.get("refine_margin", 0),
         trained_on=saved.state["dataset"],
+        precision=saved.state.get("precision"),
+        hours=float(saved.state["seconds"]) / 3600,
+        history=saved.state.get("history", []),
     )
 
 
-def training_curve(state: RunState) -> dict[str, list[float]]:
-    """Read from a run's log the steps and the error, px, of its finest map on each step's crops."""
+def check_settings(name: str, begun: TrainConfig, settings: dict[str, Any]) -> None:
+    """Raise InvalidArgument, naming run and setting, when a run was begun with other settings than are wanted."""
+    for key, wanted in settings.items():
+        if key not in FREE and getattr(begun, key) != wanted:
+            rule = f"the run {name} must have {key} {wanted}; move it away, or ask for what it was begun with"
+            raise InvalidArgument("runs", rule, getattr(begun, key))
+
+
+def training_curve(state: RunState) -> dict[str, list[float]] | None:
+    """Return loss and test error, px, after each epoch; None for a run that goes by no epochs.
+
+    The loss is the mean of the log's lines within the epoch.
+    """
+    measured = [entry for entry in state.history if "test_epe" in entry]
+    if not measured:
+        return None
+    steps, losses = _logged(state, "loss")
+    share = state.config.epochs / state.steps
+    curve: dict[str, list[float]] = {"epochs": [], "loss": [], "test_epe": [], "test_epe_in_range": []}
+    first = 0.0
+    for entry in measured:
+        within = (steps > first) & (steps <= entry["step"])
+        curve["epochs"].append(round(entry["step"] * share, 3))
+        curve["loss"].append(float(f"{losses[within].mean():.6g}"))
+        for key in ("test_epe", "test_epe_in_range"):
+            curve[key].append(round(entry[key], 4))
+        first = entry["step"]
+    return curve
+
+
+def rate_restarts(state: RunState) -> list[int]:
+    """Return the logged steps after which a run went on at a higher rate: its budget was enlarged once it had ended."""
+    steps, rates = _logged(state, "rate")
+    rises = np.nonzero(np.diff(rates) > 0)[0] + 1
+    return [int(steps[rise]) for rise in rises if steps[rise] > state.config.warmup + state.config.log_every]
+
+
+def _logged(state: RunState, column: str) -> tuple[np.ndarray, np.ndarray]:
     with (state.folder / "log.csv").open(newline="") as file:
         lines = [line for line in csv.DictReader(file) if int(line["step"]) <= state.step]
-    errors = [float(line["epe_refined"] or line["epe_coarse"]) for line in lines]
-    return {"steps": [int(line["step"]) for line in lines], "epe": [round(error, 4) for error in errors]}
+    return np.array([float(line["step"]) for line in lines]), np.array([float(line[column]) for line in lines])
 
 
-def advance(experiment: Experiment, config: TrainConfig, folder: Path) -> None:
+def advance(experiment: Experiment, config: TrainConfig, folder: Path, watch: Watch | None = None) -> None:
     """Train a run to its end, from its checkpoint in ``folder`` where there is one."""
     begun = (folder / checkpoint.LAST).exists()
-    if begun and checkpoint.load(folder).step >= config.steps:
-        print(f"{experiment.name}: done", file=sys.stderr)
-        return
+    if begun:
+        saved = checkpoint.load(folder)
+        check_settings(experiment.name, saved.config, config.as_dict())
+        if saved.step >= config.steps:
+            print(f"{experiment.name}: done", file=sys.stderr)
+            return
+    if experiment.with_test and not begun:
+        print(f"{experiment.name}: learns from the test pairs too", file=sys.stderr)
     print(f"{experiment.name}: {'resumed' if begun else 'begun'}", file=sys.stderr)
-    train(config, folder, resume=begun)
+    train(config, folder, resume=begun, watch=watch)
 
 
-def stop_after(minutes: float) -> threading.Timer:
-    """Ask this process to end politely after a while: the run in progress saves its checkpoint first."""
-    timer = threading.Timer(60 * minutes, os.kill, (os.getpid(), signal.SIGTERM))
-    timer.daemon = True
-    timer.start()
-    return timer
+def training_set(experiment: Experiment, data: Path, layout: str, pairs: int, runs: Path) -> Path:
+    """Return the folder of the set that a run learns from."""
+    if not experiment.with_test:
+        return data
+    if layout != "endosdk":
+        raise InvalidArgument("layout", f"must be endosdk for {experiment.name}, which joins two splits", layout)
+    return with_test_pairs(data, pairs, runs / f"joined-{pairs}")
+
+
+def test_errors(reader: DatasetReader, pairs: int | None) -> Watch:
+    """Return what measures a network on the first test pairs: over all truth, and over what its range holds."""
+    count = min(pairs or len(reader), len(reader))
+
+    def measure(network: StereoNetwork, refined: bool) -> dict[str, float]:
+        largest = network.max_candidate_disparity or network.max_disparity
+        sums = np.zeros((2, 2))
+        for frame in predict_frames(network, reader, range(count), refined=refined, title="test pairs"):
+            truth = frame.sample.disparity
+            error = np.abs(frame.maps[-1] - truth, dtype=np.float64)
+            for row, known in enumerate((np.isfinite(truth), truth <= largest)):
+                sums[row] += error[known].sum(), known.sum()
+        whole, within = (float(total / max(pixels, 1)) for total, pixels in sums)
+        return {"test_epe": whole, "test_epe_in_range": within}
+
+    return measure
+
+
+@contextmanager
+def limited_to(minutes: float | None) -> Iterator[None]:
+    """Raise KeyboardInterrupt in the main thread when the time is over; the run in progress saves itself first.
+
+    A polite kill does the same meanwhile, also before and between runs.
+    """
+    inside = True
+
+    def stop(number: int, frame: object) -> None:
+        if inside:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    timer = threading.Timer(60 * minutes, os.kill, (os.getpid(), signal.SIGTERM)) if minutes else None
+    try:
+        if timer is not None:
+            timer.daemon = True
+            timer.start()
+        yield
+    finally:
+        inside = False
+        if timer is not None:
+            timer.cancel()
+            timer.join()
+        signal.signal(signal.SIGTERM, before)
 
 
 def exported(state: RunState) -> Path:
@@ -111,8 +222,10 @@ def exported(state: RunState) -> Path:
     if not file.exists():
         network = checkpoint.load(state.folder).build()
         note = {"samples_seen": state.samples_seen, "samples_planned": state.samples_planned}
-        info = ModelInfo(name=state.name, version="1", training=note)
-        export_model(network, file, info, size_step=network.input_multiple if isinstance(network, RivalNetwork) else 1)
+        info = ModelDescription(name=state.name, version="1", training=note)
+        export_model(
+            network, file, info, size_step=network.input_multiple if isinstance(network, PublishedNetwork) else 1
+        )
     return file
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-import benchmarks.methods.networks  # noqa: F401  makes the rivals known
+import benchmarks.methods.networks  # noqa: F401  makes the other networks known
 from benchmarks.paper.experiments import Experiment
 from benchmarks.paper.runs import config_gmacs
 from endosdk.io.whole_files import write_json
@@ -20,7 +20,7 @@ from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
-from endosdk.training.train import channels_last
+from endosdk.training.train import bf16_pays, channels_last
 
 TIMED_STEPS = 2  # the quicker one counts; a first one warms up
 
@@ -67,10 +67,13 @@ def seconds_per_step(settings: dict[str, Any], device: str) -> float:
     truth = 1 + settings["max_disparity"] * torch.rand(batch, 1, height, width).to(device) / 2
     part = settings.get("refine_crop")
     window = Window(0, 0, *part) if part else None
+    wished = settings.get("precision", "auto")
+    half = wished == "bf16" or (wished == "auto" and bf16_pays(torch.device(device)))
     times = []
     for _ in range(1 + TIMED_STEPS):
         started = time.perf_counter()
-        maps = network(left, right, window=window).disparities
+        with torch.autocast(device.partition(":")[0], dtype=torch.bfloat16, enabled=half):
+            maps = [found.float() for found in network(left, right, window=window).disparities]
         wanted = [truth] + [window.of(truth) if window else truth] * (len(maps) - 1)
         total = sum(loss(found, true, true > 0) for found, true in zip(maps, wanted, strict=True))
         optimiser.zero_grad()

@@ -18,8 +18,11 @@ from benchmarks.methods.classical import classical_method
 from benchmarks.methods.costs import network_costs
 from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS
-from benchmarks.paper.runs import RunState, config_gmacs, exported, model_file, training_curve
+from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS, PROTOCOLS, rows_by_name
+from benchmarks.paper.one_kind import check_one_kind, check_same_set
+from benchmarks.paper.rows import row
+from benchmarks.paper.runs import RunState, config_gmacs, exported, model_file, rate_restarts, training_curve
+from benchmarks.paper.stages import stage_errors
 from benchmarks.turns import answers_in_turns
 from endosdk import _core
 from endosdk.datasets.dataset import DatasetReader, Sample
@@ -31,25 +34,7 @@ from endosdk.io.whole_files import write_json
 from endosdk.jobs.machine import machine_record
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.models import shipped_models
-
-KPE = (1, 2, 3, 5)
-
-
-def row(scores: dict[str, Any]) -> dict[str, Any]:
-    """Reduce the measures of `evaluate` to a row of the table; shares are 0..1, times in ms."""
-    whole, visible = scores["all"], scores.get("non_occluded")
-    return {
-        "epe": whole["epe_px"],
-        "kpe": {str(k): whole[f"kpe_{k}"] for k in KPE},
-        "epe_noc": visible["epe_px"] if visible else None,
-        "kpe_noc": {str(k): visible[f"kpe_{k}"] for k in KPE} if visible else None,
-        "coverage": whole["coverage"],
-        "depth_mae_mm": whole.get("depth_mae_mm"),
-        "pixels": whole["pixels"],
-        "pixels_noc": visible["pixels"] if visible else None,
-        "pairs": scores["pairs"],
-        "ms": scores["ms_median"],
-    }
+from endosdk.training import checkpoint
 
 
 class Scores:
@@ -75,7 +60,8 @@ class Scores:
 
     def get(self, name: str, mark: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return the row of a method whose state is ``mark``; ``make`` it unless it is there for the same data."""
-        place = f"{name} on {self.reader.sha256[:16]}, {self.pairs} pairs"
+        split = "" if self.reader.split == "test" else f" {self.reader.split}"  # the hash is that of the whole set
+        place = f"{name} on {self.reader.sha256[:16]}{split}, {self.pairs} pairs"
         kept = self.rows.get(place)
         if kept is None or kept["key"] != mark:
             print(f"scoring {name}", file=sys.stderr)
@@ -90,11 +76,11 @@ class Scores:
         return row(evaluate(method, self.reader, self.limit))
 
 
-def classical_rows(scores: Scores, best: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
-    """Score the matchers of OpenCV, filled (as the networks answer) and as they are."""
+def classical_rows(scores: Scores, best: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Score the matchers of OpenCV, filled (as the networks answer) and as they are; ``best`` settings by method."""
     rows = {}
     for name, fixed in CLASSICAL.items():
-        settings = fixed if fixed is not None else best
+        settings = fixed if fixed is not None else best.get(name)
         if settings is None:
             continue  # the search has not been run
 
@@ -154,22 +140,42 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
         found = scores.get(f"shipped-{name}", state, lambda name=name: scores.score(estimator_method(name)))
         costs = network_costs(name, model.max_disparity, size[1], size[0])
         known = {"params": costs.params, "gmacs": costs.gmacs, "trained_on": model.training.get("data")}
-        known |= {"output_stride": model.output_stride, "version": model.version}
+        known |= {"output_stride": model.output_stride, "version": model.version, "model_sha256": model.sha256}
         rows[f"shipped-{name}"] = {**found, **known}
     return rows
 
 
-def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[str, Any]:
-    """Score one run through its exported file, which is what is deployed and timed."""
+def trained_row(scores: Scores, state: RunState, size: tuple[int, int], learned: Scores | None) -> dict[str, Any]:
+    """Score one run through its exported file, which is what is deployed and timed.
+
+    With ``learned`` the error on training pairs is taken too.
+    """
+    place, config = f"{state.budget}/{state.name}", state.config
 
     def make() -> dict[str, Any]:
         return scores.score(estimator_method(str(exported(state))))
 
-    found = scores.get(f"{state.budget}/{state.name}", state.sha256, make)
-    config = state.config
+    def stages() -> dict[str, Any]:
+        return {"epe": stage_errors(checkpoint.load(state.folder).build(), scores.reader, scores.pairs)}
+
+    found = scores.get(place, state.sha256, make)
+    if config.network == "anynet":  # the one that answers at any stage
+        found["stages"] = scores.get(f"{place}, stages", state.sha256, stages)["epe"]
+    if learned is not None:
+        seen = learned.get(place, state.sha256, lambda: learned.score(estimator_method(str(exported(state)))))
+        found |= {"train_epe": seen["epe"], "train_pairs_scored": learned.pairs}
     costs = network_costs(config.network, config.max_disparity, size[1], size[0])
+    curve = training_curve(state)
+    plain = config.as_dict()
     return {
         **found,
+        "protocol": state.protocol,
+        "settings": {key: plain[key] for key in PROTOCOLS[state.protocol]},
+        "precision": state.precision,
+        "hours": round(state.hours, 3),
+        "seed": config.seed,
+        "rate_restarts": rate_restarts(state),
+        "last_loss": curve["loss"][-1] if curve else None,
         "params": costs.params,
         "gmacs": costs.gmacs,
         "budget": state.budget,
@@ -183,7 +189,7 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int]) -> dict[
         "refine_margin": state.refine_margin,
         "train_pairs": config.train_pairs,
         "train_data": state.trained_on,
-        "curve": training_curve(state),
+        "curve": curve,
     }
 
 
@@ -197,6 +203,7 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
         name: {"timed_on": timing_of(before["machine"]), **values} for name, values in before.get("methods", {}).items()
     }
     rows = {**kept_rows, **{name: {**values, "timed_on": timing_of(machine)} for name, values in rows.items()}}
+    check_one_kind(file.name, rows)
     record = {
         "command": _command(scores),
         "dataset": reader.name,
@@ -226,6 +233,7 @@ def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]])
             continue
         kept = before.get(run.group, {}).get(run.label)
         groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
+    check_one_kind(file.name, rows_by_name(groups))
     record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": scores.pairs, "groups": groups}
     write_json(file, {"command": _command(scores), **record, "machine": machine_record()})
 
@@ -236,9 +244,11 @@ def _command(scores: Scores) -> str:
 
 
 def _before(file: Path, scores: Scores) -> dict[str, Any]:
-    """Return what the file says, if it is about the same set."""
+    """Return what the file says. Raises InvalidArgument when it is about another set."""
     record = dict(json.loads(file.read_text())) if file.exists() else {}
-    return record if record.get("sha256") == scores.reader.sha256 else {}
+    if record:
+        check_same_set(file.name, record, scores.reader)
+    return record
 
 
 def check_same_pairs(file: Path, scores: Scores) -> None:

@@ -1,113 +1,185 @@
 """Whether the paper's claims held, one verdict a claim: rules on numbers, so that nobody's hope decides.
 
-Two errors that lie as close as those of one setting trained with two seeds are not told apart.
+A verdict is held, did not hold or undecided. Two errors that lie as close as those of one setting trained twice are not
+told apart; how close that is must be known from enough settings, or nothing is decided.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from itertools import pairwise
+from statistics import mean
+from typing import Any, NamedTuple
 
-from benchmarks.paper.experiments import EXPERIMENTS, LABELS, PROTOCOL, Claim, Experiment, crops, size, unique_runs
+from benchmarks.paper.experiments import EXPERIMENTS, LABELS, MEASURES, Claim, Experiment, crops, unique_runs
 
-Groups = dict[str, dict[str, dict[str, Any] | None]]  # rows by label by group; None where a run is missing
+Rows = dict[str, dict[str, Any]]  # by the name of the run; what has not been run is missing
 
 HELD, FAILED, UNDECIDED = "**held**", "**did not hold**", "**undecided**"
-# By the relation that is claimed, for an error that is smaller (True), larger (False) or too close to tell (None).
-VERDICTS: dict[str, dict[bool | None, str]] = {
+NOT_RUN, NOT_MEASURED = "not yet run", "not yet measured"
+ENOUGH_SETTINGS = 5
+LITTLE = 0.10  # what "differ little" and "almost the same" mean here; the paper gives no number
+# By the relation that is claimed, for a measure that is smaller (True), larger (False) or too close to tell (None).
+RELATIONS: dict[str, dict[bool | None, str]] = {
     "below": {True: HELD, False: FAILED, None: UNDECIDED},
     "above": {True: FAILED, False: HELD, None: UNDECIDED},
-    "not above": {True: HELD, False: FAILED, None: HELD},
-    "like": {True: FAILED, False: FAILED, None: HELD},
+    "like": {True: HELD, False: FAILED, None: UNDECIDED},
 }
-NOT_RUN = "not yet run"
-NOT_REPEATED = f"{UNDECIDED}: no setting has been trained with a second seed"
 
 
-def seed_spread(groups: Groups) -> float | None:
-    """By what share of the smaller one two seeds of one setting differ, at most; None when nothing was repeated."""
-    found = [_errors(groups, run) for run in _ablations()]
-    return max((max(errors) / min(errors) - 1 for errors in found if len(errors) > 1), default=None)
+class Bound(NamedTuple):
+    """How far two runs of one setting differ at most, as a share of the smaller, and over how many settings."""
+
+    share: float
+    settings: int
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known well enough to decide by."""
+        return self.settings >= ENOUGH_SETTINGS
+
+    def said(self) -> str:
+        """Say what is lacking."""
+        times = f"{self.settings} setting{'s' if self.settings != 1 else ''}"
+        return f"what two runs of one setting differ by is known from {times}, and {ENOUGH_SETTINGS} are needed"
 
 
-def claim_verdict(group: str, claim: Claim, groups: Groups, pairs: int) -> str:
+def repeat_bound(rows: Rows, measure: str = "epe") -> Bound:
+    """Return by what share two complete runs that differ in their seed alone differ, at most."""
+    found = [values for run in _one_a_setting() if len(values := _values(rows, run, measure)) > 1]
+    return Bound(max((max(values) / min(values) - 1 for values in found), default=0.0), len(found))
+
+
+def claim_verdict(group: str, claim: Claim, rows: Rows, pairs: int) -> str:
     """Judge one claim of an ablation that was scored on the first so many test pairs."""
+    runs = {run.label: run for run in EXPERIMENTS if run.group == group}
     labels = (claim.run, *claim.others)
-    known = {label: row for label in labels if (row := groups.get(group, {}).get(label))}
-    if len(known) < len(labels):
-        return f"{NOT_RUN}: {', '.join(label for label in labels if label not in known)}."
-    early = [f"{label} {_stopped(row)}" for label, row in known.items() if not row["complete"]]
+    missing = [label for label in labels if runs[label].name not in rows]
+    if missing:
+        return f"{NOT_RUN}: {', '.join(missing)}."
+    first = {label: rows[runs[label].name] for label in labels}
+    early = [f"{label} {_stopped(row)}" for label, row in first.items() if not row["complete"]]
     if early:
         return f"{UNDECIDED}: {', '.join(early)}."
-    spread = seed_spread(groups)
-    if spread is None:
-        return f"{NOT_REPEATED}."
-    runs = {run.label: run for run in _ablations(group)}
-    errors = {label: _errors(groups, runs[label]) for label in labels}
-    orders = [smaller(errors[claim.run], errors[other], spread) for other in claim.others]
-    verdict = min((VERDICTS[claim.relation][order] for order in orders), key=(FAILED, UNDECIDED, HELD).index)
-    why = f" (closer than {100 * spread:.1f} %)" if None in orders and verdict != FAILED else ""
-    windowed = known[claim.run]["refine_crop"] and not known[claim.run].get("refine_margin")
-    if not claim.fair_on_windows and windowed:
-        verdict, why = UNDECIDED, " (the runs differ in more than that, see below)"
-    seen = f"{known[claim.run]['samples_seen']} crops of {size(known[claim.run]['crop'])}"
-    numbers = ", ".join(f"{label}: {_listed(found)}" for label, found in errors.items())
-    return f"{verdict}{why} after {seen} (the protocol: {crops(PROTOCOL)}), on the first {pairs} test pairs: {numbers}."
+    values = {label: _values(rows, runs[label], claim.measure) for label in labels}
+    if not all(values.values()):
+        return f"{NOT_MEASURED}: {', '.join(label for label, found in values.items() if not found)}."
+    bound = repeat_bound(rows, claim.measure)
+    numbers = ", ".join(f"{label}: {_listed(found)}" for label, found in values.items())
+    seen = crops(first[claim.run]["samples_seen"], first[claim.run]["crop"])
+    what = f"{MEASURES[claim.measure]}, after {seen}, on the first {pairs} test pairs: {numbers}"
+    if not bound.known:
+        return f"{UNDECIDED}, since {bound.said()}; {what}."
+    compare = alike if claim.relation == "like" else smaller
+    orders = [compare(values[claim.run], values[other], bound.share) for other in claim.others]
+    verdict = min((RELATIONS[claim.relation][order] for order in orders), key=(FAILED, UNDECIDED, HELD).index)
+    why = f" (runs of one setting differ by up to {100 * bound.share:.1f} %)" if verdict == UNDECIDED else ""
+    return f"{verdict}{why}; {what}."
 
 
-def error_verdict(run: str, rival: str, rows: dict[str, dict[str, Any]], spread: float | None) -> str:
-    """Judge whether a run of wang2020 has a smaller error than a rival of the same table."""
-    if run not in rows:
+def error_verdict(run: str, other: str, rows: Rows, bound: Bound) -> str:
+    """Judge whether a run of wang2020 has a smaller error than another method of the same table."""
+    if run not in rows or other not in rows:
         return NOT_RUN
-    ours, theirs = rows[run], rows[rival]
-    errors = f"{ours['epe']:.3f} px against {theirs['epe']:.3f} px"
-    order = None if spread is None else smaller([ours["epe"]], [theirs["epe"]], spread)
+    ours, theirs = ([row["epe"] for row in _with_seeds(name, rows)] for name in (run, other))
+    errors = f"{_said(ours)} px against {_said(theirs)} px"
+    order = smaller(ours, theirs, bound.share) if bound.known else None
     # One that is behind and was stopped early could still have come first.
-    behind = {True: (rival,), False: (run,), None: (run, rival)}[order]
+    behind = {True: (other,), False: (run,), None: (run, other)}[order]
     early = [f"{LABELS[name]} {_stopped(rows[name])}" for name in behind if not rows[name].get("complete", True)]
     if early:
         return f"{UNDECIDED}: {errors}, {', '.join(early)}"
-    return NOT_REPEATED if spread is None else f"{VERDICTS['below'][order]}: {errors}"
+    if not bound.known:
+        return f"{UNDECIDED}: {errors}"
+    return f"{RELATIONS['below'][order]}: {errors}"
 
 
-def time_verdict(rival: str, rows: dict[str, dict[str, Any]]) -> str:
-    """Judge whether wang2020 takes less time than a rival of the same table."""
-    ours, theirs = rows["wang2020"]["ms"], rows[rival]["ms"]
-    if rows["wang2020"].get("timed_on") != rows[rival].get("timed_on"):
+def time_verdict(run: str, other: str, rows: Rows) -> str:
+    """Judge whether wang2020 takes less time than another method of the same table."""
+    if run not in rows or other not in rows:
+        return NOT_RUN
+    ours, theirs = rows[run]["ms"], rows[other]["ms"]
+    if rows[run].get("timed_on") != rows[other].get("timed_on"):
         return f"{UNDECIDED}: they were timed on two machines"
     return f"{HELD if ours < theirs else FAILED}: {ours:.1f} ms against {theirs:.1f} ms"
 
 
-def smaller(errors: Sequence[float], others: Sequence[float], spread: float) -> bool | None:
-    """Whether all errors of one setting are smaller than all of another; None where they are too close to tell."""
-    if max(errors) * (1 + spread) < min(others):
+class Order(NamedTuple):
+    """One thing that the pictures of Fig. 6 show, as a measure that grows along a row of methods."""
+
+    text: str
+    measure: str
+    methods: tuple[str, ...]
+
+
+# Blur is taken as the error near depth edges; noise as how much the error changes from pixel to pixel on one surface.
+FIGURE_ORDERS = (
+    Order("ours is sharper than AnyNet", "edges", ("paper-192", "anynet-published")),
+    Order("ours is sharper than PSMNet", "edges", ("paper-192", "psmnet")),
+    Order("PatchMatch has more noise than ours, StereoSGBM more still", "noise", ("paper-192", "patchmatch", "sgbm")),
+)
+
+
+def order_verdict(order: Order, rows: Rows, bound: Bound) -> str:
+    """Judge whether a measure grows along the methods as it does in the paper's pictures."""
+    missing = [LABELS[name] for name in order.methods if name not in rows]
+    if missing:
+        return f"{NOT_RUN}: {', '.join(missing)}."
+    values = [_seen_in_pictures(rows[name], order.measure) for name in order.methods]
+    if any(value is None for value in values):
+        return f"{NOT_MEASURED}."
+    said = ", ".join(f"{LABELS[name]} {value:.3f} px" for name, value in zip(order.methods, values, strict=True))
+    if not bound.known:
+        return f"{UNDECIDED}, since {bound.said()}: {said}."
+    steps = [smaller([a], [b], bound.share) for a, b in pairwise(values)]
+    verdict = min((RELATIONS["below"][step] for step in steps), key=(FAILED, UNDECIDED, HELD).index)
+    return f"{verdict}: {said}."
+
+
+def _seen_in_pictures(row: dict[str, Any], measure: str) -> float | None:
+    return row.get("noise") if measure == "noise" else row.get("parts", {}).get(measure, {}).get("epe")
+
+
+def smaller(values: Sequence[float], others: Sequence[float], share: float) -> bool | None:
+    """Whether all values of one setting are smaller than all of another; None where they are too close to tell."""
+    if max(values) * (1 + share) < min(others):
         return True
-    if max(others) * (1 + spread) < min(errors):
+    if max(others) * (1 + share) < min(values):
         return False
     return None
 
 
-def _ablations(group: str | None = None) -> list[Experiment]:
-    """Every ablation once, or those of a group, in which a run that groups share has another label."""
-    runs = unique_runs() if group is None else [run for run in EXPERIMENTS if run.group == group]
-    return [run for run in runs if run.group != "table1"]
+def alike(values: Sequence[float], others: Sequence[float], share: float) -> bool | None:
+    """Whether the means of two settings differ by `LITTLE` at most; None where two runs differ by as much."""
+    ratio = max(mean(values), mean(others)) / min(mean(values), mean(others))
+    if ratio * (1 + share) <= 1 + LITTLE:
+        return True
+    return False if ratio > (1 + LITTLE) * (1 + share) else None
 
 
-def _errors(groups: Groups, run: Experiment) -> list[float]:
-    """Errors of a setting, px, one for each seed with which it was trained to the end."""
-    seeds = [other for other in _ablations() if _setting(other) == _setting(run)]
-    rows = [groups.get(other.group, {}).get(other.label) for other in seeds]
-    return [float(row["epe"]) for row in rows if row and row["complete"]]
+def _one_a_setting() -> list[Experiment]:
+    return list({run.setting: run for run in reversed(unique_runs())}.values())
 
 
-def _setting(run: Experiment) -> dict[str, Any]:
-    return {name: value for name, value in run.changes.items() if name != "seed"}
+def _values(rows: Rows, run: Experiment, measure: str) -> list[float]:
+    """Return a measure of a setting, once for each seed with which it was trained to the end."""
+    seeds = [rows[other.name] for other in unique_runs() if other.setting == run.setting and other.name in rows]
+    return [float(row[measure]) for row in seeds if row["complete"] and row.get(measure)]
 
 
-def _listed(errors: list[float]) -> str:
-    seeds = "1 seed" if len(errors) == 1 else f"{len(errors)} seeds"
-    return f"{' and '.join(f'{error:.3f}' for error in errors)} px ({seeds})"
+def _with_seeds(name: str, rows: Rows) -> list[dict[str, Any]]:
+    """Return the row of a method, and those of its further seeds that were trained to the end."""
+    more = [row for other, row in rows.items() if other.startswith(f"{name}-seed") and row["complete"]]
+    return [rows[name], *more]
+
+
+def _listed(values: list[float]) -> str:
+    return f"{_said(values)} ({len(values)} seed{'s' if len(values) > 1 else ''})"
+
+
+def _said(values: list[float]) -> str:
+    return " and ".join(f"{value:.3f}" for value in values)
 
 
 def _stopped(row: dict[str, Any]) -> str:
-    return f"stopped early, after {row['samples_seen']} of {row['samples_planned']} crops"
+    return f"stopped early, after {row['samples_seen']} of {row['samples_planned']} samples"

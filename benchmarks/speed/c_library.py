@@ -1,6 +1,6 @@
 """The long checks of the C library: many frames, overhead, sanitizers, fuzzing. Minutes to an hour.
 
-    python -m benchmarks.speed.c_library --json FILE [--only steadiness overhead sanitizers fuzz]
+    python -m benchmarks.speed.c_library --json FILE [--only steadiness overhead streams sanitizers fuzz]
 
 A part that is not run keeps what the file says of it. Every part carries the machine and commit it was run on.
 """
@@ -8,19 +8,29 @@ A part that is not run keeps what the file says of it. Every part carries the ma
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
 import os
 import re
 import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.record import machine_record
+from endosdk import DepthEstimator
+from endosdk.datasets.samples import sample_pairs
 from endosdk.io.whole_files import write_json
+from endosdk.runtime.models import shipped_models
+from tests.c_library import binding
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
@@ -29,6 +39,9 @@ TIMED = (  # model, width, height, frames
     (ROOT / "models" / "fast.onnx", 960, 720, 200),
     (ROOT / "models" / "wang2020.onnx", 960, 720, 6),
 )
+STREAMED = ("fast", "fast-320")
+STREAM_SIZES = ((960, 720), (1920, 1080))
+STREAM_FRAMES, STREAM_TURNS = 100, 5
 FUZZERS = {"model": 16384, "calibration": 392, "frame": 80}  # and the longest input of each, bytes
 
 
@@ -77,6 +90,43 @@ def overhead(_: argparse.Namespace) -> list[dict[str, Any]]:
             numbers = run(program, runtime_of(build), model, str(width), str(height), str(frames), str(threads))
             results.append({"model": model.stem, **json.loads(numbers)})
     return results
+
+
+def streams(_: argparse.Namespace) -> list[dict[str, Any]]:
+    """Frames a second of both faces, one call after the other and streamed, in turns, on the shipped pairs."""
+    library = binding.load(built("release") / "cpp" / "libendosdk.so")
+    return [streams_of(library, model, size) for model in STREAMED for size in STREAM_SIZES]
+
+
+def streams_of(library: ctypes.CDLL, name: str, size: tuple[int, int]) -> dict[str, Any]:
+    """The same for one model and size of the frames, on two threads."""
+    pair = sample_pairs()[0].resized(*size)
+    model = shipped_models()[name]
+    ours = DepthEstimator(name, calibration=pair.calibration, threads=2)
+    theirs = binding.CEstimator(library, model, pair.calibration, threads=2)
+    maps = ("disparity", "confidence", "reasons", "depth", "sigma")  # what Python gives
+    views = pair.left, pair.right
+    answer, found = ours.predict(*views), theirs.predict(*views, maps=maps)[1]
+    np.testing.assert_array_equal(found["disparity"], answer.disparity)
+    calls = {
+        "python_calls": lambda frames: [ours.predict(*views, out=answer) for _ in range(frames)],
+        "c_calls": lambda frames: [theirs.predict(*views, maps=maps) for _ in range(frames)],
+        "python_stream": lambda frames: deque(ours.stream(repeat(views, frames), reuse=True), maxlen=0),
+        "c_stream": lambda frames: deque(theirs.stream(repeat(views, frames), maps), maxlen=0),
+    }
+    rates: dict[str, list[float]] = {way: [] for way in calls}
+    for turn in range(STREAM_TURNS + 1):
+        say(f"streams: {name}, {size[0]}x{size[1]}, turn {turn}")
+        for way, call in calls.items():
+            started = time.perf_counter()
+            call(STREAM_FRAMES)
+            if turn:  # the first warms up
+                rates[way].append(STREAM_FRAMES / (time.perf_counter() - started))
+    last = next(iter(theirs.stream(repeat(views, 1), maps)))[1]
+    np.testing.assert_array_equal(last["disparity"], found["disparity"])
+    theirs.close()
+    fps = {way: round(statistics.median(values), 1) for way, values in rates.items()}
+    return {"model": {"name": name, "sha256": ours.model.sha256}, "size": list(size), "threads": 2, "fps": fps}
 
 
 def sanitizers(_: argparse.Namespace) -> dict[str, Any]:
@@ -128,7 +178,7 @@ def fuzz_result(name: str, process: subprocess.Popen[str]) -> dict[str, Any]:
     return {"seconds": int(runs[2]), "inputs": int(runs[1]), "edges_reached": int(edges[-1]), "failures": 0}
 
 
-PARTS = {"steadiness": steadiness, "overhead": overhead, "sanitizers": sanitizers, "fuzz": fuzz}
+PARTS = {"steadiness": steadiness, "overhead": overhead, "streams": streams, "sanitizers": sanitizers, "fuzz": fuzz}
 
 
 def main() -> None:

@@ -4,7 +4,7 @@
 
 Each variant is checked against the processor's answer before it is timed; one that cannot run or is too far off is
 recorded as such. Times are of one pair: with inputs and outputs on the device, and with both copied. The floors are
-what the card's arithmetic and memory allow at best. The rival is the same network in torch with torch.compile.
+what the card's arithmetic and memory allow at best. Compared with the same network in torch with torch.compile.
 ``--provider cpu`` runs the same code where there is no card.
 """
 
@@ -48,7 +48,7 @@ LARGEST_DIFFERENCE = 0.05
 
 
 @dataclass(frozen=True)
-class Device:
+class Card:
     """Where to run, and its rates from the maker's data sheet (dense, no sparsity)."""
 
     provider: str  # "cuda" or "cpu"
@@ -81,12 +81,10 @@ def pair_of(width: int, height: int) -> dict[str, Array]:
     return {"left": wide[None, :, :, :width].copy(), "right": wide[None, :, :, 12 : width + 12].copy()}
 
 
-class Bound:
+class BoundSession:
     """A session with inputs and outputs in fixed memory of the device."""
 
-    def __init__(
-        self, model: bytes, device: Device, options: Options, feed: dict[str, Array], like: list[Array]
-    ) -> None:
+    def __init__(self, model: bytes, device: Card, options: Options, feed: dict[str, Array], like: list[Array]) -> None:
         settings = ort.SessionOptions()
         settings.log_severity_level = 3
         if device.provider != "cpu":
@@ -134,7 +132,7 @@ def spread(call: Callable[[], object], frames: int, warmup: int) -> dict[str, fl
     return {"p50": float(p50), "p99": float(p99), "fps": 1000 / float(np.mean(times))}
 
 
-def variants(device: Device) -> list[Options]:
+def variants(device: Card) -> list[Options]:
     """Every combination of the options swept; one for the processor, which has none of them."""
     if device.provider == "cpu":
         return [{}]
@@ -142,11 +140,11 @@ def variants(device: Device) -> list[Options]:
 
 
 def measure_variant(
-    model: bytes, device: Device, options: Options, feed: dict[str, Array], truth: list[Array], frames: int
+    model: bytes, device: Card, options: Options, feed: dict[str, Array], truth: list[Array], frames: int
 ) -> dict[str, Any]:
     """Check and time one variant."""
     try:
-        bound = Bound(model, device, options, feed, truth)
+        bound = BoundSession(model, device, options, feed, truth)
         difference = np.abs(bound.run_with_copies()[0] - truth[0])
     except Exception as error:  # the runtime has its own exception types with no common base
         return {"options": options, "failed": str(error).splitlines()[0]}
@@ -162,13 +160,13 @@ def measure_variant(
 
 
 def measure_torch(
-    metadata: dict[str, str], device: Device, size: tuple[int, int], frames: int, compiled: bool
+    metadata: dict[str, str], device: Card, size: tuple[int, int], frames: int, compiled: bool
 ) -> dict[str, Any]:
     """Time the network of a file with this metadata in torch; its weights do not matter for the time."""
     width, height = size
     place = "cuda" if device.provider == "cuda" else "cpu"
     built = build_network(metadata["endosdk.name"].removesuffix("-fp32"))
-    built.answer_in_cells(int(metadata["endosdk.output_stride"]) // built.output_stride)
+    built.deploy_at(int(metadata["endosdk.output_stride"]))
     network = Deployed(built.export_form()).eval().to(place)
     views = [torch.zeros(1, 3, height, width, dtype=torch.uint8, device=place) for _ in range(2)]
     call = torch.compile(network, mode="max-autotune") if compiled else network
@@ -185,7 +183,7 @@ def measure_torch(
     return found
 
 
-def with_floors(result: dict[str, Any], cost: GraphCost, device: Device, precision: str) -> dict[str, Any]:
+def with_floors(result: dict[str, Any], cost: GraphCost, device: Card, precision: str) -> dict[str, Any]:
     """Add the floors of this precision and how near to the higher one the device came."""
     rate, share = (device.tera_fp16, 0.5) if precision == "fp16" else (device.tera_fp32, 1.0)
     floors = cost.floors_ms(rate, device.gigabytes, share)
@@ -194,7 +192,7 @@ def with_floors(result: dict[str, Any], cost: GraphCost, device: Device, precisi
     return {"precision": precision, "floors_ms": floors, **result}
 
 
-def measure_model(name: str, device: Device, size: tuple[int, int], frames: int, compiled: bool) -> dict[str, Any]:
+def measure_model(name: str, device: Card, size: tuple[int, int], frames: int, compiled: bool) -> dict[str, Any]:
     """Everything about one model."""
     model = read_model(name).data
     feed = pair_of(*size)
@@ -231,7 +229,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--gigabytes", type=float, default=4800.0, help="of memory traffic a second")
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args(arguments)
-    device = Device(args.provider, args.tera_fp32, args.tera_fp16, args.gigabytes)
+    device = Card(args.provider, args.tera_fp32, args.tera_fp16, args.gigabytes)
     if device.execution_provider not in ort.get_available_providers():
         raise SystemExit(f"{device.execution_provider} is not installed here: pip install 'endosdk[gpu]'")
     warnings.filterwarnings("ignore", message=".*truncated.*")  # the conversion tells of every weight below 6e-8

@@ -2,7 +2,7 @@
 
     python -m benchmarks.speed.kernels --json FILE
 
-Each pair of rivals is first checked to give the same answer, then timed turn by turn, so that other load on the
+Each pair of forms is first checked to give the same answer, then timed turn by turn, so that other load on the
 machine hits both. Read medians and ratios.
 """
 
@@ -50,7 +50,7 @@ def tissue_picture(width: int, height: int, seed: int) -> np.ndarray:
 
 
 @dataclass
-class Rig:
+class RawRig:
     """A distorted, misaligned rig of the given size."""
 
     width: int
@@ -69,7 +69,7 @@ class Rig:
 
 def rectify_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], None]]:
     """Three routes from a raw BGR pair to planar RGB, and a check that they agree."""
-    views = Rig(width, height).views()
+    views = RawRig(width, height).views()
     frames = [tissue_picture(width, height, seed) for seed in range(2)]
     rectifier = _core.Rectifier(width, height, width, height, *views)
     maps = [cv2.initUndistortRectifyMap(k, d, r, p, (width, height), cv2.CV_16SC2) for _, k, d, r, p in views]
@@ -88,8 +88,8 @@ def rectify_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[]
             cv2.split(cv2.remap(frame, first, second, cv2.INTER_LINEAR), [out[2], out[1], out[0]])
 
     def check() -> None:
-        for rival in (theirs, split):
-            within = np.mean(np.abs(ours.astype(int) - rival) <= 1)
+        for other in (theirs, split):
+            within = np.mean(np.abs(ours.astype(int) - other) <= 1)
             require(within >= 0.999, f"rectified pictures agree on {within:.4%} of pixels only")
 
     return {"ours": run_ours, "opencv": run_opencv, "opencv_split": run_opencv_split}, check
@@ -98,7 +98,7 @@ def rectify_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[]
 def map_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], None]]:
     """Two routes from the network's maps to all full-size outputs, and a check that they agree.
 
-    The view that the network saw is as small as its maps: a larger one would guide the upsampling, which the rivals
+    The view that the network saw is as small as its maps: a larger one would guide the upsampling, which the others
     have nothing for.
     """
     disparity, confidence = network_maps(width, height)
@@ -136,7 +136,7 @@ def map_tasks(width: int, height: int) -> tuple[dict[str, Task], Callable[[], No
         reasons |= cv2.resize(glare, (width, height), interpolation=cv2.INTER_NEAREST_EXACT) << 4
         z[reasons != 0] = np.nan
         scale = -np.log1p(-np.clip(c, 1e-6, 1 - 1e-6))
-        sigma = z * z * np.float32(STRIDE * np.sqrt(2) / (focal * baseline)) / scale
+        sigma = z * z * np.float32(STRIDE / (focal * baseline)) / scale
         theirs.update(disparity=d, confidence=c, reasons=reasons, depth=z, sigma=sigma)
 
     def check() -> None:
@@ -189,7 +189,7 @@ def measure(name: str, width: int, height: int, threads: int, repeats: int) -> d
     check()
     time_in_turns(tasks, 3)
     medians = time_in_turns(tasks, repeats)
-    ratios = {rival: round(medians[rival] / medians["ours"], 2) for rival in medians if rival != "ours"}
+    ratios = {name: round(medians[name] / medians["ours"], 2) for name in medians if name != "ours"}
     rounded = {task: round(value, 3) for task, value in medians.items()}
     return {
         "kernel": name,

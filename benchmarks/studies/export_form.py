@@ -25,7 +25,7 @@ from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.whole_files import write_json
 from endosdk.training.data import planar
-from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks.base import StereoNetwork
 from endosdk.training.networks.wang2020 import Wang2020
 from endosdk.training.networks.wang2020_export import PlaneAggregation
@@ -94,7 +94,7 @@ def start_sessions(state: dict[str, Any], max_disparity: int, threads: int) -> d
             network = kind(max_disparity)
             network.load_state_dict(state)
             file = Path(folder) / "form.onnx"
-            export_model(network, file, ModelInfo(name="wang2020", version="0"))
+            export_model(network, file, ModelDescription(name="wang2020", version="0"))
             sessions[name] = ort.InferenceSession(file.read_bytes(), options, providers=["CPUExecutionProvider"])
     return sessions
 

@@ -15,16 +15,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from benchmarks.record import machine_record
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import estimator_method
 from endosdk.evaluation.scores import ScoreBoard
+from endosdk.io.progress import progress
 from endosdk.io.whole_files import write_json
 from endosdk.training import checkpoint
-from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks import photometric
 
 COLUMNS = ("epe_px", "kpe_1", "kpe_3", "pixels")
@@ -44,9 +43,9 @@ def measure(weights: str, reader: DatasetReader, indices: range, doubts: list[fl
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "model.onnx"
             form = replace(trained, config=replace(trained.config, network=network)).build()
-            export_model(form, file, ModelInfo("wang2020", "0"))
+            export_model(form, file, ModelDescription("wang2020", "0"))
             answer = estimator_method(str(file))
-            for index in tqdm(indices, desc=way, unit="pair"):
+            for index in progress(indices, title=way):
                 sample = reader[index]
                 board.add(answer(sample).disparity, sample.disparity)
         found[way] = {key: board.result()["all"][key] for key in COLUMNS}

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from benchmarks.record import machine_record
 from endosdk.datasets.layouts import open_dataset
+from endosdk.io.progress import progress
 from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 from endosdk.training.frame_size import seen_size, seen_views
@@ -66,7 +66,7 @@ def main() -> None:
         file = read_model(path or name)
         metadata = session(file.data, fused=True).get_modelmeta().custom_metadata_map
         pairs: list[Feed] = []
-        for index in tqdm(range(args.pairs), desc=name, unit="pair"):
+        for index in progress(range(args.pairs), title=name):
             sample = reader[index]
             height, width = sample.left.shape[:2]
             size = seen_size(width, height, int(metadata["endosdk.inference_width"]))

@@ -1,4 +1,4 @@
-"""What guiding the upsampling of disparity by the left view gains over bilinear resizing, of the same answers.
+"""What joint bilateral upsampling of disparity gains over bilinear resizing, of the same answers.
 
     python -m benchmarks.studies.upsampling --data DIR --pairs 100 --json FILE
 
@@ -28,12 +28,12 @@ def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
     """Errors of both ways over the first ``pairs`` of a split."""
     estimator = DepthEstimator(model, threads=2)
     session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False)
-    boards = {"bilinear": ScoreBoard(), "guided": ScoreBoard()}
+    boards = {"bilinear": ScoreBoard(), "joint_bilateral": ScoreBoard()}
     for number in range(pairs):
         sample = reader[number]
         height, width = sample.left.shape[:2]
         found = estimator.predict(sample.left, sample.right)
-        boards["guided"].add(found.disparity, sample.disparity)
+        boards["joint_bilateral"].add(found.disparity, sample.disparity)
         seen = estimator.rectified_pair()
         multiple = session.info.input_multiple
         shown_height, shown_width = seen[0].shape[:2]

@@ -5,7 +5,8 @@
 
    Pictures are binary PNM (PPM or PGM, 8 bits); `convert left.png left.ppm` or `pngtopnm left.png > left.ppm` makes them.
    The pair must be rectified; see endosdk.h for endo_set_calibration with the numbers of a raw rig. The output is a
-   16-bit PGM in which 0 means "no answer". ONNX Runtime is found by ENDOSDK_ORT_LIBRARY or as the system does. */
+   16-bit PGM in which 0 means "no answer"; of a frame that is not to be used, all are 0. ONNX Runtime is found by
+   ENDOSDK_ORT_LIBRARY or as the system does. MODEL_SHA256 in the environment pins the model. */
 #include <endosdk/endosdk.h>
 
 #include <ctype.h>
@@ -96,6 +97,13 @@ static endo_calibration rectified_rig(int width, int height, double focal_px, do
     return rig;
 }
 
+static double number(const char *text) {
+    char *end = NULL;
+    const double value = strtod(text, &end);
+    if (end == text || *end != '\0') stop("no number", text);
+    return value;
+}
+
 int main(int argc, char **argv) {
     if (argc != 5 && argc != 7 && argc != 8) {
         stop("usage", "depth_cli MODEL LEFT RIGHT OUT [FOCAL_PX BASELINE_MM [DOFFS]]");
@@ -106,11 +114,12 @@ int main(int argc, char **argv) {
 
     endo_options options;
     check(endo_options_init(&options, sizeof options), "options");
+    options.model_sha256 = getenv("MODEL_SHA256"); /* NULL: any model */
     endo_estimator *estimator = NULL;
     check(endo_open_file(argv[1], &options, &estimator), argv[1]);
     if (metric) {
         const endo_calibration rig =
-            rectified_rig(left.width, left.height, atof(argv[5]), atof(argv[6]), argc == 8 ? atof(argv[7]) : 0.0);
+            rectified_rig(left.width, left.height, number(argv[5]), number(argv[6]), argc == 8 ? number(argv[7]) : 0.0);
         check(endo_set_calibration(estimator, &rig), "calibration");
     }
 
@@ -127,6 +136,10 @@ int main(int argc, char **argv) {
         {sizeof views[1], (int32_t)right.format, right.pixels, right.width, right.height, 0},
     };
     check(endo_predict(estimator, &views[0], &views[1], &result), "predict");
+    if (result.quality == ENDO_QUALITY_INVALID) {
+        memset(map, 0, pixels * sizeof *map);
+        fprintf(stderr, "depth_cli: this pair must not be used: too little of it has an answer\n");
+    }
     write_map(argv[4], map, left.width, left.height);
     printf("%s: %.1f %% of %dx%d pixels have an answer, %.1f ms\n", argv[4], 100.0 * result.valid_share, left.width,
            left.height, result.rectify_ms + result.session_ms + result.postprocess_ms);
@@ -135,5 +148,5 @@ int main(int argc, char **argv) {
     free(map);
     free(left.pixels);
     free(right.pixels);
-    return EXIT_SUCCESS;
+    return result.quality == ENDO_QUALITY_INVALID ? EXIT_FAILURE : EXIT_SUCCESS;
 }

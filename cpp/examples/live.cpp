@@ -5,7 +5,8 @@
 // Each frame is the left and then the right picture, WIDTH x HEIGHT x 3 bytes RGB, rectified. One thread reads and keeps
 // only the latest frame; the main thread computes. A frame that came while another was computed and was replaced before
 // its turn counts as skipped: the depth shown is always that of the newest frame, never of a growing queue. At the end of
-// the stream a histogram of the latency, from the frame's last byte to its map, is printed. ffmpeg or GStreamer feed it:
+// the stream a histogram of the latency, from the frame's last byte to its map, is printed. A camera that stalls is told of
+// every second. MODEL_SHA256 in the environment pins the model. ffmpeg or GStreamer feed it:
 //
 //     ffmpeg -re -stream_loop -1 -i pairs-above-each-other.mp4 -f rawvideo -pix_fmt rgb24 - | live fast.onnx 960 720 22
 #include <endosdk/endosdk.hpp>
@@ -19,6 +20,7 @@
 #include <functional>
 #include <mutex>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -56,10 +58,12 @@ class Latest {
     changed_.notify_one();
   }
 
-  // False at the end of the stream.
+  // False at the end of the stream. Says so when no frame comes: a display must then show no depth.
   bool take(Frame& frame) {
     std::unique_lock<std::mutex> lock(mutex_);
-    changed_.wait(lock, [&] { return fresh_ || closed_; });
+    for (int waited_s = 1; !changed_.wait_for(lock, std::chrono::seconds(1), [&] { return fresh_ || closed_; }); ++waited_s) {
+      std::fprintf(stderr, "live: no frame for %d s\n", waited_s);
+    }
     if (!fresh_) return false;
     std::swap(waiting_, frame);
     fresh_ = false;
@@ -110,6 +114,7 @@ void print_histogram(const std::vector<double>& latencies) {
 void run(const char* model, int width, int height, double budget_ms) {
   endo::Options options;
   options.deadline_ms = budget_ms;
+  options.model_sha256 = std::getenv("MODEL_SHA256");  // null: any model
   endo::Estimator estimator = endo::Estimator::open(model, options);
   estimator.prepare(width, height);
   estimator.self_test();
@@ -121,20 +126,30 @@ void run(const char* model, int width, int height, double budget_ms) {
   endo::Maps maps(width, height);
   std::vector<double> latencies;
   long late = 0;
+  long invalid = 0;
   try {
     while (latest.take(frame)) {
       const uint8_t* pixels = frame.pixels.data();
       estimator.predict(endo::image(pixels, width, height), endo::image(pixels + view, width, height), maps);
       latencies.push_back(std::chrono::duration<double, std::milli>(Clock::now() - frame.arrived).count());
       late += maps.result.late;
+      invalid += maps.result.quality == ENDO_QUALITY_INVALID;  // not to be used: its maps say so, too
     }
   } catch (const endo::Error& error) {
     std::fprintf(stderr, "live: %s\n", error.what());
     std::_Exit(EXIT_FAILURE);  // at once: the reader may wait for a frame that never comes
   }
   reader.join();
-  std::printf("%zu frames computed, %ld skipped, %ld late\n", latencies.size(), latest.skipped(), late);
+  std::printf("%zu frames computed, %ld of them invalid, %ld skipped, %ld late\n", latencies.size(), invalid,
+              latest.skipped(), late);
   print_histogram(latencies);
+}
+
+double number(const std::string& text) {
+  size_t end = 0;
+  const double value = std::stod(text, &end);
+  if (end != text.size()) throw std::invalid_argument("no number: " + text);
+  return value;
 }
 
 }  // namespace
@@ -145,10 +160,10 @@ int main(int argc, char** argv) {
     return EXIT_FAILURE;
   }
   try {
-    const int width = std::atoi(argv[2]);
-    const int height = std::atoi(argv[3]);
+    const int width = static_cast<int>(number(argv[2]));
+    const int height = static_cast<int>(number(argv[3]));
     if (width < 1 || height < 1) throw std::invalid_argument("WIDTH and HEIGHT must be positive");
-    run(argv[1], width, height, argc == 5 ? std::atof(argv[4]) : 1e3 / 45.0);
+    run(argv[1], width, height, argc == 5 ? number(argv[4]) : 1e3 / 45.0);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "live: %s\n", error.what());
     return EXIT_FAILURE;

@@ -10,8 +10,11 @@
 #include <optional>
 #include <string>
 
+#include "geometry/pose_error.hpp"
 #include "images/image.hpp"
 #include "images/resize.hpp"
+#include "images/size.hpp"
+#include "maps/maps.hpp"
 #include "platform/errors.hpp"
 
 namespace endosdk {
@@ -63,7 +66,7 @@ inline MutableFloatView float_output(py::array& array, const char* name) {
 
 // An optional map that must have the size of the outputs; null when it is None.
 template <typename Type>
-const Type* map_of(const OptionalArray& array, const MutableFloatView& size, const char* name) {
+const Type* map_of(const OptionalArray& array, Size size, const char* name) {
   if (!array) return nullptr;
   require_type<Type>(*array, name);
   require(array->ndim() == 2 && array->shape(0) == size.height && array->shape(1) == size.width, name,
@@ -73,9 +76,22 @@ const Type* map_of(const OptionalArray& array, const MutableFloatView& size, con
 }
 
 template <typename Type>
-Type* map_output(OptionalArray& array, const MutableFloatView& size, const char* name) {
+Type* map_output(OptionalArray& array, Size size, const char* name) {
   if (map_of<Type>(array, size, name) == nullptr) return nullptr;
   return static_cast<Type*>(writable(*array, name));
+}
+
+// The memory of the maps that a caller wants, in the order of map_fields: None, or nothing at the end, for the others.
+inline MapsOut maps_out(const py::tuple& arrays, Size size) {
+  MapsOut out;
+  size_t next = 0;
+  for_each_map([&](const auto& field) {
+    using Value = typename std::decay_t<decltype(field)>::Value;
+    if (next == arrays.size()) return;
+    auto array = py::cast<OptionalArray>(arrays[next++]);
+    out.*field.memory = map_output<Value>(array, size, field.name);
+  });
+  return out;
 }
 
 inline ImageView image_view(const py::array& array, const char* name) {
@@ -113,6 +129,12 @@ std::array<double, Count> numbers(const Doubles& array, const std::string& name)
   std::array<double, Count> result;
   std::copy_n(array.data(), Count, result.begin());
   return result;
+}
+
+// Values and covariance of the five terms, vertical disparity and its standard error; None where nothing was measured.
+inline py::object pose_tuple(const PoseError& pose) {
+  if (!pose.measured) return py::none();
+  return py::make_tuple(pose.value, pose.covariance, pose.vertical_px, pose.vertical_se_px);
 }
 
 }  // namespace endosdk

@@ -21,7 +21,7 @@ void translate(std::exception_ptr thrown) {
   } catch (const Error& error) {
     raise_error(error.status(), error.argument(), error.rule(), error.value());
   } catch (const std::bad_alloc&) {
-    raise_error(ENDO_OUT_OF_MEMORY, "memory", "is used up", "none");
+    raise_error(ENDO_OUT_OF_MEMORY, "", "out of memory", "");
   }
 }
 

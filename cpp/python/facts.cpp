@@ -1,17 +1,21 @@
 // What is written once, in C++, and read by the Python package, its training, its tests and its documents.
 #include <pybind11/native_enum.h>
+#include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
 #include <map>
 #include <optional>
 
 #include "bindings.hpp"
-#include "frame_path/quality.hpp"
+#include "frame_path/causes.hpp"
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
 #include "model/model.hpp"
+#include "model/placement.hpp"
+#include "model/provider_options.hpp"
 #include "model/providers.hpp"
+#include "model/seal.hpp"
 #include "model/weights.hpp"
 
 namespace py = pybind11;
@@ -20,26 +24,53 @@ namespace endosdk {
 namespace {
 
 void bind_enums(py::module_& m) {
-  auto reasons = py::native_enum<Reason>(m, "Reason", "enum.IntFlag", "Why a pixel is not valid: the bits of `reasons`.");
+  auto reasons = py::native_enum<endo_reason>(m, "Reason", "enum.IntFlag", "Why a pixel is not valid: the bits of `reasons`.");
   for (const ReasonFact& fact : reason_facts) reasons.value(fact.name, fact.bit, fact.meaning);
   reasons.finalize();
-  py::native_enum<Quality>(m, "Status", "enum.IntEnum", "One word on a whole frame, from the share of valid pixels.")
-      .value("OK", Quality::ok, "at least least_share_ok of the pixels are valid")
-      .value("DEGRADED", Quality::degraded, "fewer")
-      .value("INVALID", Quality::invalid, "fewer than least_share_usable: do not use this frame")
+  py::native_enum<Quality>(m, "Status", "enum.IntEnum", "One word on a whole frame, which follows from its causes.")
+      .value("OK", Quality::ok, "nothing is wrong with the frame")
+      .value("DEGRADED", Quality::degraded, "something is wrong; pixels that are valid can be used")
+      .value("INVALID", Quality::invalid, "do not use this frame: no pixel is valid")
       .finalize();
+  auto causes = py::native_enum<Cause>(m, "Cause", "enum.IntEnum", "What is wrong with a frame.");
+  for (const CauseFact& fact : cause_facts) causes.value(fact.name, fact.cause, fact.meaning);
+  causes.finalize();
 }
 
 void bind_numbers(py::module_& m) {
   m.attr("range_margin") = range_margin;
-  m.attr("least_share_ok") = least_share_ok;
-  m.attr("least_share_usable") = least_share_usable;
+  m.attr("saturation_level") = saturation_level;
   m.attr("calibration_rule") = calibration_rule;
   const Upsampling upsampling;
   m.attr("upsampling_reach") = upsampling_reach;
   m.attr("upsampling_unlike") = static_cast<double>(upsampling.unlike);
   m.attr("upsampling_least_likeness") = static_cast<double>(upsampling.least_likeness);
   m.attr("upsampling_metadata") = text_of(upsampling);
+}
+
+// One row of the table a cause: its measure, which side of the limits is bad, the limits, what it means, what to do.
+void bind_causes(py::module_& m) {
+  py::dict facts;
+  for (const CauseFact& f : cause_facts) {
+    py::dict fact;
+    fact["measure"] = f.measure;
+    fact["bad"] = f.bad == Bad::high ? "high" : "low";
+    fact["degraded"] = f.degraded;
+    fact["invalid"] = f.invalid;
+    fact["meaning"] = f.meaning;
+    fact["remedy"] = f.remedy;
+    facts[py::cast(f.cause)] = fact;
+  }
+  m.attr("cause_facts") = facts;
+}
+
+void bind_maps(py::module_& m) {
+  py::list maps;
+  for_each_map([&](const auto& field) {
+    using Value = typename std::decay_t<decltype(field)>::Value;
+    maps.append(py::make_tuple(field.name, py::dtype::of<Value>(), field.metric));
+  });
+  m.attr("output_maps") = py::tuple(maps);
 }
 
 void bind_providers(py::module_& m) {
@@ -51,6 +82,12 @@ void bind_providers(py::module_& m) {
         "ONNX Runtime's own name of a provider; short and full names are taken in any case.");
   m.def("wants_float32_model", &wants_float32_model, py::arg("provider"),
         "Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor.");
+  m.def("parse_provider_options", &parse_provider_options, py::arg("texts"),
+        "Keys and values of texts of the form key=value.");
+  m.def("check_provider_options", &check_provider_options, py::arg("provider"), py::arg("options"),
+        "Refuse an empty key, a key that stands twice, and any option of the processor.");
+  m.def("check_placement", &check_placement, py::arg("provider"), py::arg("placement"),
+        "Refuse a placement in which the provider does not compute the model.");
 }
 
 void bind_models(py::module_& m) {
@@ -88,6 +125,19 @@ void bind_models(py::module_& m) {
         check_weights_are_inside(data, origin);
       },
       py::arg("model"), py::arg("origin"), "Refuse a model that keeps weights in another file.");
+  m.attr("seal_key") = seal_key;
+  m.attr("empty_seal") = empty_seal();
+  m.attr("seal_mark") = py::bytes(seal_mark.data(), seal_mark.size());
+  m.def(
+      "check_seal",
+      [](const py::bytes& model, const std::string& origin) {
+        const std::string_view data = model;
+        const py::gil_scoped_release release;
+        return check_seal(data, origin);
+      },
+      py::arg("model"), py::arg("origin"), "Whether a model is sealed; refuses one that was changed since.");
+  m.def("seal", [](const py::bytes& model) { return py::bytes(seal(std::string_view(model))); }, py::arg("model"),
+        "The bytes of a model that is to be sealed, with its hash inside.");
 }
 
 }  // namespace
@@ -95,6 +145,8 @@ void bind_models(py::module_& m) {
 void bind_facts(py::module_& m) {
   bind_enums(m);
   bind_numbers(m);
+  bind_causes(m);
+  bind_maps(m);
   bind_providers(m);
   bind_models(m);
 }

@@ -7,31 +7,17 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "frame_path/network_size.hpp"
 #include "frame_path/stream.hpp"
+#include "frame_path/working_distance.hpp"
 #include "platform/threads.hpp"
 #include "python_session.hpp"
+#include "rigs.hpp"
 
 namespace endosdk {
 namespace {
 
 using OptionalSize = std::optional<std::pair<int, int>>;
-// disparity, confidence, reasons, depth, sigma
-using Maps = std::tuple<py::array, py::array, py::array, OptionalArray, OptionalArray>;
-
-MapsOut maps_of(Maps& maps, Size size) {
-  auto& [disparity, confidence, reasons, depth, sigma] = maps;
-  const MutableFloatView all = {nullptr, size.width, size.height};
-  OptionalArray first = disparity;
-  OptionalArray second = confidence;
-  OptionalArray third = reasons;
-  MapsOut out;
-  out.disparity = map_output<float>(first, all, "disparity");
-  out.confidence = map_output<float>(second, all, "confidence");
-  out.reasons = map_output<uint8_t>(third, all, "reasons");
-  out.depth = map_output<float>(depth, all, "depth");
-  out.sigma = map_output<float>(sigma, all, "sigma");
-  return out;
-}
 
 FramePair pair_of(const py::array& left, const py::array& right, ChannelOrder colour_order) {
   FramePair pair = {image_view(left, "left"), image_view(right, "right"), colour_order};
@@ -40,41 +26,19 @@ FramePair pair_of(const py::array& left, const py::array& right, ChannelOrder co
 }
 
 // Lines about frames go to a logger that is silent until the host sets logging up.
+constexpr char frame_logger[] = "endosdk.frames";
+constexpr char rig_logger[] = "endosdk.rigs";
+
+template <const char* logger_name>
 void log_line(void*, int32_t level, const char* message) {
   const py::gil_scoped_acquire gil;
   try {
-    const auto logger = py::module_::import("logging").attr("getLogger")("endosdk.frames");
+    const auto logger = py::module_::import("logging").attr("getLogger")(logger_name);
     const char* method = level == ENDO_LOG_ERROR ? "error" : level == ENDO_LOG_WARNING ? "warning" : "info";
     logger.attr(method)("%s", message);
   } catch (py::error_already_set& error) {
-    error.discard_as_unraisable("endosdk.frames");  // the line is lost; the frame is not
+    error.discard_as_unraisable(logger_name);  // the line is lost; what it tells of is not
   }
-}
-
-// model, width, height, matrix and distortion of the left camera and of the right one, rotation, translation
-using RigNumbers = std::tuple<std::string, int, int, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles>;
-
-Rig rig_of(const RigNumbers& given) {
-  const auto& [model, width, height, left_matrix, left_distortion, right_matrix, right_distortion, rotation, translation] =
-      given;
-  endo_calibration rig{};
-  rig.struct_size = sizeof rig;
-  rig.camera_model = model == "fisheye" ? ENDO_FISHEYE : ENDO_PINHOLE;
-  rig.width = width;
-  rig.height = height;
-  const auto copy = [](const auto& values, double* to) { std::copy(values.begin(), values.end(), to); };
-  copy(numbers<9>(left_matrix, "left_matrix"), rig.left_matrix);
-  copy(numbers<9>(right_matrix, "right_matrix"), rig.right_matrix);
-  copy(numbers<9>(rotation, "rotation"), rig.rotation);
-  copy(numbers<3>(translation, "translation"), rig.translation);
-  const auto copy_distortion = [](const Doubles& values, const char* name, double* to) {
-    require(values.size() <= 8, name, "must hold at most 8 coefficients", values.size());
-    std::copy_n(values.data(), values.size(), to);
-    return static_cast<int32_t>(values.size());
-  };
-  rig.left_distortion_count = copy_distortion(left_distortion, "left_distortion", rig.left_distortion);
-  rig.right_distortion_count = copy_distortion(right_distortion, "right_distortion", rig.right_distortion);
-  return Rig(rig);
 }
 
 py::array_t<uint8_t> new_picture(Size size) { return py::array_t<uint8_t>({size.height, size.width, 3}); }
@@ -85,6 +49,10 @@ class PythonStream {
   PythonStream(std::unique_ptr<Stream> stream, ChannelOrder order) : stream_(std::move(stream)), order_(order) {}
 
   ~PythonStream() {
+    if (!stream_->process().is_this()) {
+      static_cast<void>(stream_.release());  // in a forked child its locks have owners that are not there
+      return;
+    }
     const py::gil_scoped_release release;  // threads that are to end may need it
     stream_->close();
   }
@@ -96,10 +64,10 @@ class PythonStream {
     return stream_->wait_for_room();
   }
 
-  void submit(const py::array& left, const py::array& right, const py::object& maps) {
-    const FramePair pair = pair_of(left, right, order_);
-    Maps arrays = py::cast<Maps>(maps);
-    const MapsOut out = maps_of(arrays, stream_->frame_size());
+  void submit(const py::array& left, const py::array& right, const py::tuple& maps, int64_t stamp_ns) {
+    FramePair pair = pair_of(left, right, order_);
+    pair.stamp_ns = stamp_ns;
+    const MapsOut out = maps_out(maps, stream_->frame_size());
     in_flight_.push_back(maps);
     try {
       const py::gil_scoped_release release;
@@ -125,6 +93,8 @@ class PythonStream {
     if (answer->error) std::rethrow_exception(answer->error);
     return py::make_tuple(answer->report, maps);
   }
+
+  void follow_rig() { stream_->follow_rig(); }
 
   void end() {
     const py::gil_scoped_release release;
@@ -153,14 +123,16 @@ struct PythonSettings {
   FramePathSettings rest;
 
   PythonSettings(const std::string& channel_order_name, int threads, OptionalSize network, double min_confidence,
-                 std::pair<double, double> depth_range_mm, double deadline_ms)
+                 std::pair<double, double> depth_range_mm, double deadline_ms, double max_age_ms)
       : order(channel_order(channel_order_name)) {
     rest.threads = threads;
     if (network) rest.network = Size{network->first, network->second};
     rest.limits.min_confidence = min_confidence;
     std::tie(rest.limits.min_depth_mm, rest.limits.max_depth_mm) = depth_range_mm;
     rest.deadline_ms = deadline_ms;
-    rest.log = {log_line, nullptr, ENDO_LOG_WARNING};
+    rest.max_age_ms = max_age_ms;
+    rest.log = {log_line<rig_logger>, nullptr, ENDO_LOG_INFO};
+    rest.frame_log = {log_line<frame_logger>, nullptr, ENDO_LOG_WARNING};
     check_settings(rest);
     if (rest.threads == 0) rest.threads = default_thread_count();
   }
@@ -173,19 +145,28 @@ class PythonFramePath {
       : order_(settings.order),
         path_(std::make_shared<FramePath>(std::make_shared<PythonSession>(std::move(session)), settings.rest)) {}
 
-  FrameReport predict(const py::array& left, const py::array& right, Maps maps) {
-    const FramePair pair = pair_of(left, right, order_);
+  ~PythonFramePath() {
+    // A forked child must not free it: the runtime would wait for threads that are its parent's.
+    if (!path_->process().is_this()) static_cast<void>(new std::shared_ptr<FramePath>(path_));
+  }
+  PythonFramePath(const PythonFramePath&) = delete;
+  PythonFramePath& operator=(const PythonFramePath&) = delete;
+
+  FrameReport predict(const py::array& left, const py::array& right, const py::tuple& maps, int64_t stamp_ns) {
+    FramePair pair = pair_of(left, right, order_);
+    pair.stamp_ns = stamp_ns;
     check_pair(pair);
-    const MapsOut out = maps_of(maps, pair.size());
+    const MapsOut out = maps_out(maps, pair.size());
     const py::gil_scoped_release release;
     return path_->predict(pair, out);
   }
 
-  std::unique_ptr<PythonStream> stream(int width, int height) {
+  std::unique_ptr<PythonStream> stream(int width, int height, bool temporal) {
     std::unique_ptr<Stream> opened;
     {
       const py::gil_scoped_release release;
       opened = path_->stream({width, height});
+      opened->set_temporal(temporal);
     }
     return std::make_unique<PythonStream>(std::move(opened), order_);
   }
@@ -250,24 +231,58 @@ py::tuple rectified_views(const py::array& left, const py::array& right, const R
   return py::make_tuple(out_left, out_right);
 }
 
+// Measures by cause, of those that are picked.
+py::dict measures_of(const Causes& causes, bool (Causes::*pick)(Cause) const) {
+  py::dict measures;
+  for (const CauseFact& fact : cause_facts) {
+    if ((causes.*pick)(fact.cause)) measures[py::cast(fact.cause)] = causes.measure(fact.cause);
+  }
+  return measures;
+}
+
+void bind_identity(py::module_& m) {
+  py::class_<Identity>(m, "Identity", "What a result was computed with.")
+      .def_readonly("endosdk", &Identity::endosdk)
+      .def_readonly("model", &Identity::model)
+      .def_readonly("model_version", &Identity::model_version)
+      .def_readonly("model_sha256", &Identity::model_sha256)
+      .def_readonly("calibration_sha256", &Identity::calibration_sha256)
+      .def_readonly("runtime", &Identity::runtime)
+      .def_readonly("runtime_sha256", &Identity::runtime_sha256)
+      .def_readonly("provider", &Identity::provider)
+      .def_readonly("device", &Identity::device);
+}
+
 void bind_report(py::module_& m) {
+  bind_identity(m);
   py::class_<FrameReport>(m, "FrameReport", "What is said of one frame besides its maps.")
       .def_readonly("frame", &FrameReport::frame)
       .def_readonly("valid_share", &FrameReport::valid_share)
       .def_readonly("status", &FrameReport::quality)
+      .def_property_readonly("causes", [](const FrameReport& r) { return measures_of(r.causes, &Causes::raised); })
+      .def_property_readonly("measures", [](const FrameReport& r) { return measures_of(r.causes, &Causes::measured); })
+      .def_property_readonly("pose", [](const FrameReport& r) { return pose_tuple(r.pose); })
+      .def_property_readonly("steady", [](const FrameReport& r) { return pose_tuple(r.steady); })
+      .def_property_readonly("drifted", [](const FrameReport& r) { return has_drifted(r.steady); })
+      .def_readonly("corrected", &FrameReport::corrected)
       .def_readonly("rectify_ms", &FrameReport::rectify_ms)
       .def_readonly("session_ms", &FrameReport::session_ms)
       .def_readonly("postprocess_ms", &FrameReport::postprocess_ms)
       .def_readonly("total_ms", &FrameReport::total_ms)
-      .def_readonly("late", &FrameReport::late);
+      .def_readonly("late", &FrameReport::late)
+      .def_readonly("stamp_ns", &FrameReport::stamp_ns)
+      .def_readonly("age_ms", &FrameReport::age_ms)
+      .def_property_readonly("identity", [](const FrameReport& r) { return *r.identity; });
 }
 
 void bind_stream(py::module_& m) {
   py::class_<PythonStream>(m, "Stream", "Frames in flight; one thread may submit while another receives.")
       .def_property_readonly("lanes", &PythonStream::lanes)
       .def("wait_for_room", &PythonStream::wait_for_room)
-      .def("submit", &PythonStream::submit, py::arg("left").noconvert(), py::arg("right").noconvert(), py::arg("maps"))
+      .def("submit", &PythonStream::submit, py::arg("left").noconvert(), py::arg("right").noconvert(), py::arg("maps"),
+           py::arg("stamp_ns"))
       .def("receive", &PythonStream::receive)
+      .def("follow_rig", &PythonStream::follow_rig)
       .def("end", &PythonStream::end)
       .def("close", &PythonStream::close);
 }
@@ -282,11 +297,22 @@ void bind_frame_path(py::module_& m) {
   using release = py::call_guard<py::gil_scoped_release>;
   bind_report(m);
   bind_stream(m);
+  m.def(
+      "nearest_depth_mm",
+      [](const RigNumbers& numbers, int max_candidate_disparity, int inference_width) {
+        const Rig rig = rig_of(numbers);
+        ModelInfo model;
+        model.max_candidate_disparity = max_candidate_disparity;
+        const Size network = network_size_of(rig.size(), inference_width);
+        return nearest_depth_mm(rig, largest_disparity(model, rig.size(), network));
+      },
+      arg("rig"), arg("max_candidate_disparity"), arg("inference_width"),
+      "Nearest depth, mm, that a model sees on a rig at its usual size; NaN where its range is 0: not stated.");
   m.def("rectified_views", &rectified_views, arg("left").noconvert(), arg("right").noconvert(), arg("rig"));
   py::class_<PythonSettings>(m, "FramePathSettings", "What a host may choose of a frame path, checked.")
-      .def(py::init<const std::string&, int, OptionalSize, double, std::pair<double, double>, double>(),
+      .def(py::init<const std::string&, int, OptionalSize, double, std::pair<double, double>, double, double>(),
            arg("channel_order"), arg("threads"), arg("network_size"), arg("min_confidence"), arg("depth_range_mm"),
-           arg("deadline_ms"))
+           arg("deadline_ms"), arg("max_age_ms"))
       .def_property_readonly("threads", [](const PythonSettings& s) { return s.rest.threads; });
   py::class_<Path>(m, "FramePath", "The whole way of a frame around a session that Python brings.")
       .def(py::init<py::object, const PythonSettings&>(), arg("session"), arg("settings"))
@@ -298,8 +324,8 @@ void bind_frame_path(py::module_& m) {
             p.path().set_calibration(std::move(rig));
           },
           arg("rig"))
-      .def("predict", &Path::predict, arg("left").noconvert(), arg("right").noconvert(), arg("maps"))
-      .def("stream", &Path::stream, arg("width"), arg("height"))
+      .def("predict", &Path::predict, arg("left").noconvert(), arg("right").noconvert(), arg("maps"), arg("stamp_ns"))
+      .def("stream", &Path::stream, arg("width"), arg("height"), arg("temporal"))
       .def("rectify", &Path::rectify, arg("left").noconvert(), arg("right").noconvert())
       .def("rectified", &Path::rectified)
       .def("prepare", [](Path& p, int width, int height) { p.path().prepare({width, height}); }, arg("width"),
@@ -307,6 +333,8 @@ void bind_frame_path(py::module_& m) {
       .def("cancel", [](Path& p) { p.path().cancel(); }, release())
       .def("self_test", [](Path& p) { p.path().self_test(); }, release())
       .def("close", [](Path& p) { p.path().close(); }, release())
+      .def("largest_disparity", [](Path& p, int width, int height) { return p.path().largest_disparity({width, height}); },
+           arg("width"), arg("height"), release())
       .def("nearest_depth_mm", [](Path& p) { return p.path().nearest_depth_mm(); }, release())
       .def("diagnostics", [](Path& p) { return p.path().diagnostics().done(); }, release());
 }

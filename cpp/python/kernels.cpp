@@ -2,14 +2,20 @@
 #include <algorithm>
 #include <string>
 #include <tuple>
+#include <utility>
+#include <vector>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "frame_path/network_size.hpp"
+#include "frame_path/simultaneity.hpp"
 #include "geometry/stereo_rectify.hpp"
 #include "images/rectify.hpp"
+#include "images/same_view.hpp"
 #include "kernels/kernels.hpp"
+#include "maps/coarse_match.hpp"
 #include "maps/postprocess.hpp"
+#include "maps/temporal_filter.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -126,11 +132,11 @@ void rectify_arrays(const Rectifier& rectifier, const py::array& left, const py:
   rectifier.rectify(pair.left, pair.right, pair.out_left, pair.out_right, pair.order, scratch);
 }
 
-bool same_pixel_arrays(const py::array& left, const py::array& right) {
+double displacement_of_arrays(const py::array& left, const py::array& right) {
   const ImageView a = image_view(left, "left");
   const ImageView b = image_view(right, "right");
   const py::gil_scoped_release release;
-  return same_pixels(a, b);
+  return displacement_of_frames(a, b);
 }
 
 void pack_arrays(const py::array& left, const py::array& right, py::array& out_left, py::array& out_right,
@@ -163,7 +169,7 @@ void check_names(const py::dict& fields, const char* argument, std::initializer_
   for (const auto& item : fields) {
     const auto name = py::cast<std::string>(item.first);
     const bool is_known = std::any_of(known.begin(), known.end(), [&](const char* each) { return name == each; });
-    require(is_known, argument, "must hold fields of PostprocessInput or PostprocessOutput", name);
+    require(is_known, argument, "must hold fields of PostprocessInput", name);
   }
 }
 
@@ -182,38 +188,35 @@ PlanarView read_only_planes(const OptionalArray& array, const char* name) {
   return array ? planar_view(*array, const_cast<void*>(array->data()), name) : PlanarView{};
 }
 
-PostprocessOutput output_maps(const py::dict& fields) {
-  check_names(fields, "out", {"disparity", "confidence", "reasons", "depth", "sigma"});
-  PostprocessOutput out;
-  py::array disparity = required_array(fields, "disparity");
-  OptionalArray confidence = required_array(fields, "confidence");
-  OptionalArray reasons = required_array(fields, "reasons");
-  OptionalArray depth = field<OptionalArray>(fields, "depth", std::nullopt);
-  OptionalArray sigma = field<OptionalArray>(fields, "sigma", std::nullopt);
-  out.disparity = float_output(disparity, "out disparity");
-  const MutableFloatView& size = out.disparity;
-  out.confidence = {map_output<float>(confidence, size, "out confidence"), size.width, size.height};
-  out.reasons = map_output<uint8_t>(reasons, size, "out reasons");
-  out.depth = map_output<float>(depth, size, "out depth");
-  out.sigma = map_output<float>(sigma, size, "out sigma");
-  return out;
+// The maps of a call, in the order of map_fields.
+py::tuple output_maps(const py::dict& fields) {
+  py::list maps;
+  size_t known = 0;
+  for_each_map([&](const auto& each) {
+    known += fields.contains(each.name) ? 1 : 0;
+    maps.append(field<py::object>(fields, each.name, py::none()));
+  });
+  require(known == fields.size(), "out", "must hold maps that there are", Text(fields.size() - known, " others"));
+  return maps;
 }
 
 // The stage by itself, for tests and studies; the frame path fills the same structs.
 int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   check_names(fields, "fields",
               {"disparity", "confidence", "scale", "view_scale", "gain", "min_confidence", "max_candidate_disparity", "left",
-               "right", "same_frames", "right_shift", "valid_left", "valid_right", "focal_px", "baseline_mm", "doffs",
+               "right", "right_shift", "valid_left", "valid_right", "focal_px", "baseline_mm", "doffs",
                "min_depth_mm", "max_depth_mm"});
-  const PostprocessOutput out = output_maps(outputs);
-  const MutableFloatView& size = out.disparity;
+  const FloatView first = float_view<float>(required_array(outputs, "disparity"), "disparity");
+  check_grid(first, "out_disparity");
+  PostprocessInput in;
+  in.size = {first.width, first.height};
+  const MapsOut maps = maps_out(output_maps(outputs), in.size);
   const py::array disparity = required_array(fields, "disparity");
   const py::array confidence = required_array(fields, "confidence");
   const auto left = field<OptionalArray>(fields, "left", std::nullopt);
   const auto right = field<OptionalArray>(fields, "right", std::nullopt);
   const auto valid_left = field<OptionalArray>(fields, "valid_left", std::nullopt);
   const auto valid_right = field<OptionalArray>(fields, "valid_right", std::nullopt);
-  PostprocessInput in;
   in.disparity = float_view<float>(disparity, "disparity");
   in.confidence = float_view<float>(confidence, "confidence");
   in.scale = scale_of(fields, "scale");
@@ -223,15 +226,60 @@ int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   in.max_candidate_disparity = field(fields, "max_candidate_disparity", in.max_candidate_disparity);
   in.left = read_only_planes(left, "left");
   in.right = read_only_planes(right, "right");
-  in.same_frames = field(fields, "same_frames", in.same_frames);
   in.right_shift = field(fields, "right_shift", in.right_shift);
-  in.valid_left = map_of<uint8_t>(valid_left, size, "valid_left");
-  in.valid_right = map_of<uint8_t>(valid_right, size, "valid_right");
+  in.valid_left = map_of<uint8_t>(valid_left, in.size, "valid_left");
+  in.valid_right = map_of<uint8_t>(valid_right, in.size, "valid_right");
   in.geometry = {field(fields, "focal_px", 0.0), field(fields, "baseline_mm", 0.0), field(fields, "doffs", 0.0),
                  field(fields, "min_depth_mm", 0.0),
                  field(fields, "max_depth_mm", std::numeric_limits<double>::infinity())};
   const py::gil_scoped_release release;
-  return postprocess(in, out);
+  return postprocess(in, maps);
+}
+
+// One frame through a temporal filter; disparity is filtered in place.
+void smooth_arrays(TemporalFilter& filter, const py::array& left, std::pair<int, int> picture, py::array disparity,
+                   const py::array& confidence, double cells_per_pixel) {
+  const OptionalArray view = left;
+  const PlanarView planes = read_only_planes(view, "left");
+  check_planar(planes, picture.first, picture.second, "left");
+  const MutableFloatView filtered = float_output(disparity, "disparity");
+  const FloatView trusted = float_view<float>(confidence, "confidence");
+  require(trusted.width == filtered.width && trusted.height == filtered.height, "confidence", "must have the size of disparity",
+          shape_text(confidence));
+  const py::gil_scoped_release release;
+  filter.smooth({planes, {picture.first, picture.second}, filtered, trusted, {cells_per_pixel, cells_per_pixel}});
+}
+
+// What is left across the rows of a matched pair, for tests: values, covariance, vertical disparity and its error.
+py::object rig_error_of(const py::array& disparity, const py::array& confidence, const py::array& left, const py::array& right,
+                        std::pair<int, int> picture, std::pair<double, double> frame, const std::array<double, 5>& pattern) {
+  const FloatView found = float_view<float>(disparity, "disparity");
+  const FloatView sure = float_view<float>(confidence, "confidence");
+  const PlanarView views[] = {read_only_planes(left, "left"), read_only_planes(right, "right")};
+  const Scale grid = {static_cast<double>(found.height) / views[0].height, static_cast<double>(found.width) / views[0].width};
+  MatchedViews matched;
+  RowDisparity rows;
+  matched.compare(found, views[0], views[1], {picture.first, picture.second}, grid);
+  const PosePattern shape = {pattern[0], pattern[1], pattern[2], pattern[3], pattern[4], true};
+  return pose_tuple(rows.measure(matched, sure, grid, {frame.second, frame.first}, shape));
+}
+
+// Patches of a pair looked for without the network, for tests: what exchanging the views gains, and rows of brightness.
+std::pair<double, double> coarse_match_of(const py::array& left, const py::array& right, std::pair<int, int> picture) {
+  const PlanarView views[] = {read_only_planes(left, "left"), read_only_planes(right, "right")};
+  const float nowhere = 0.0f;
+  MatchedViews matched;
+  CoarseMatch match;
+  matched.compare({&nowhere, 1, 1}, views[0], views[1], {picture.first, picture.second}, {1.0 / views[0].height, 1.0 / views[0].width});
+  match.measure(matched);
+  return {match.exchanged_gain(), match.rows_off()};
+}
+
+std::pair<double, double> lag_of(const std::vector<double>& moved_px, const std::vector<double>& rows_px) {
+  require(moved_px.size() == rows_px.size(), "rows_px", "must be as many as moved_px", rows_px.size());
+  LagFit fit;
+  for (size_t i = 0; i < moved_px.size(); ++i) fit.add(moved_px[i], rows_px[i]);
+  return {fit.lag(), fit.lag_se()};
 }
 
 void bind_settings(py::module_& m) {
@@ -241,7 +289,7 @@ void bind_settings(py::module_& m) {
   py::list sets;
   for (int i = 0; kernel_set(i) != nullptr; ++i) sets.append(kernel_set(i));
   m.attr("kernel_sets") = py::tuple(sets);
-  m.def("has_integer_units", &has_integer_units, "Whether this processor has vector instructions for 8-bit networks (AVX2).");
+  m.def("has_integer_units", &has_integer_units, "Whether this processor has vector instructions for 8-bit networks (AVX2, or dot products on ARM).");
   m.def("default_threads", &default_thread_count, "Cores that this process may use, but at most 8.");
   m.def("threads", &thread_count, "Threads that kernels called from this thread may use.");
   m.def("set_threads", &set_thread_count, py::arg("n"), "Set that number for the calling thread, 1 to 256.");
@@ -259,6 +307,9 @@ void bind_rectification(py::module_& m) {
         return std::make_tuple(size.width, size.height);
       },
       arg("width"), arg("height"), arg("inference_width"), "Size at which the network sees a frame when the caller sets none.");
+  m.def(
+      "rotation_matrix", [](const Doubles& vector) { return matrix(rotation_matrix(numbers<3>(vector, "vector"))); },
+      arg("vector"), "Rotation matrix of an axis times an angle, radians.");
   m.def("undistort_map", &undistort_map, arg("model"), arg("K"), arg("D"), arg("R"), arg("P"), arg("width"),
         arg("height"), "Raw x and y of every rectified pixel, float32; NaN for rays that point backwards.");
   py::class_<Rectifier>(m, "Rectifier", "Turns raw pairs into rectified planar RGB; immutable once built.")
@@ -270,16 +321,28 @@ void bind_rectification(py::module_& m) {
       .def_property_readonly("valid_right", [](const Rectifier& r) { return valid_mask(r, r.valid_right()); });
   m.def("pack", &pack_arrays, arg("left").noconvert(), arg("right").noconvert(), arg("out_left").noconvert(),
         arg("out_right").noconvert(), arg("order"), "Rewrite an already rectified pair as padded planar RGB.");
-  m.def("same_pixels", &same_pixel_arrays, arg("left").noconvert(), arg("right").noconvert(),
-        "Whether two frames hold the same bytes.");
+  m.def("displacement_of_frames", &displacement_of_arrays, arg("left").noconvert(), arg("right").noconvert(),
+        "How far apart two frames show their texture, thousandths of the width.");
+  m.attr("displacement_of_one_view") = displacement_of_one_view;
 }
 
 void bind_maps(py::module_& m) {
   using py::arg;
   m.def("resize_bilinear", &resize_arrays, arg("src"), arg("out"), arg("scale_y"), arg("scale_x"), arg("gain"),
         "Resize a map with half-pixel centres and multiply it by gain.");
+  m.def("rig_error", &rig_error_of, arg("disparity"), arg("confidence"), arg("left").noconvert(), arg("right").noconvert(),
+        arg("picture"), arg("frame"), arg("pattern"), "The pose error that explains what is left across the rows.");
+  m.def("lag_of", &lag_of, arg("moved_px"), arg("rows_px"),
+        "By how many frames the right view is late, and its standard error, from lists of one number a frame: the rows by "
+        "which the picture's content lay lower in the frame before, and by which matches lie lower in the right view.");
+  m.def("coarse_match", &coarse_match_of, arg("left").noconvert(), arg("right").noconvert(), arg("picture"),
+        "What exchanging the views gains in correlation, and the rows by which matches lie lower.");
   m.def("postprocess", &postprocess_arrays, arg("fields"), arg("out"),
         "Fill the full-size maps of one frame; returns the number of valid pixels.");
+  py::class_<TemporalFilter>(m, "TemporalFilter", "Disparity of one camera's frames, made steady in time.")
+      .def(py::init<>())
+      .def("smooth", &smooth_arrays, arg("left").noconvert(), arg("picture"), arg("disparity").noconvert(),
+           arg("confidence").noconvert(), arg("cells_per_pixel"));
 }
 
 }  // namespace

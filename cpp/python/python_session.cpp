@@ -58,12 +58,20 @@ class PythonSession::BoundRun : public Session::Run {
 PythonSession::PythonSession(py::object session)
     : session_(std::move(session)),
       info_(info_of(session_)),
-      facts_{py::cast<std::string>(session_.attr("provider")), py::cast<std::string>(session_.attr("runtime_version")), "",
+      facts_{py::cast<std::string>(session_.attr("provider")),
+             py::cast<ProviderOptions>(session_.attr("provider_options").attr("items")()), py::cast<std::string>(session_.attr("runtime_version")),
+             py::cast<std::string>(session_.attr("runtime_library")), py::cast<std::string>(session_.attr("runtime_sha256")),
              py::cast<bool>(session_.attr("telemetry_on"))} {}
 
 PythonSession::~PythonSession() {
   const py::gil_scoped_acquire gil;
   session_ = py::object();
+}
+
+std::shared_ptr<Session> PythonSession::for_size(Size input) {
+  const py::gil_scoped_acquire gil;
+  const py::object other = session_.attr("for_size")(input.height, input.width);
+  return other.is_none() ? nullptr : std::make_shared<PythonSession>(other);
 }
 
 std::unique_ptr<Session::Run> PythonSession::bind(SessionBuffers& buffers) {

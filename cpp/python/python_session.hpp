@@ -9,9 +9,9 @@
 
 namespace endosdk {
 
-// The object has `metadata`, `sha256`, `provider`, `runtime_version` and `telemetry_on`; `bind(left, right, disparity,
-// confidence)` with arrays over the frame path's memory, which returns an object with `run`, `stop` and `resume`; and
-// `for_one_thread_each()`, which returns another session or None.
+// The object has `metadata`, `sha256`, `provider`, `provider_options`, `runtime_version`, `runtime_library`, `runtime_sha256` and `telemetry_on`; `bind(left,
+// right, disparity, confidence)` with arrays over the frame path's memory, which returns an object with `run`, `stop` and
+// `resume`; and `for_size(height, width)` and `for_one_thread_each()`, which return another session or None.
 class PythonSession : public Session {
  public:
   explicit PythonSession(pybind11::object session);
@@ -19,6 +19,7 @@ class PythonSession : public Session {
 
   const ModelInfo& model() const override { return info_; }
   const SessionFacts& facts() const override { return facts_; }
+  std::shared_ptr<Session> for_size(Size input) override;
   std::unique_ptr<Run> bind(SessionBuffers& buffers) override;
   std::shared_ptr<Session> for_one_thread_each() override;
 

@@ -20,7 +20,7 @@ namespace {
 
 std::vector<const char*> available_sets() {
   std::vector<const char*> names;
-  for (const char* name : {"plain", "avx2", "avx512"}) {
+  for (const char* name : {"plain", "avx2", "avx512", "neon"}) {
     if (rejection([&] { choose_kernels(name); }).empty()) names.push_back(name);
   }
   return names;
@@ -91,6 +91,7 @@ void test_postprocess(int h, int w, int height, int width) {
   const auto valid = exactly<uint8_t>(height * width, 1);
   valid[static_cast<size_t>(width / 2)] = 0;
   PostprocessInput in;
+  in.size = {width, height};
   in.disparity = {disparity.get(), w, h};
   in.confidence = {confidence.get(), w, h};
   in.scale = {static_cast<double>(h) / height, static_cast<double>(w) / width};
@@ -103,8 +104,12 @@ void test_postprocess(int h, int w, int height, int width) {
     const auto d = exactly(height * width, 0.0f), c = exactly(height * width, 0.0f);
     const auto depth = exactly(height * width, 0.0f), sigma = exactly(height * width, 0.0f);
     const auto reasons = exactly<uint8_t>(height * width, 0);
-    const PostprocessOutput out = {{d.get(), width, height}, {c.get(), width, height}, reasons.get(), depth.get(),
-                                   sigma.get()};
+    MapsOut out;
+    out.disparity = d.get();
+    out.confidence = c.get();
+    out.reasons = reasons.get();
+    out.depth = depth.get();
+    out.sigma = sigma.get();
     const int usable = postprocess(in, out);
     int counted = 0;
     for (int i = 0; i < height * width; ++i) {

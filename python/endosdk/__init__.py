@@ -13,9 +13,10 @@ from endosdk.errors import EndoError, ErrorCode  # noqa: E402
 from endosdk.live.sources import open_source  # noqa: E402
 from endosdk.runtime.estimator import DepthEstimator  # noqa: E402
 from endosdk.runtime.models import shipped_models  # noqa: E402
-from endosdk.runtime.result import DepthResult, Reason, Status  # noqa: E402
+from endosdk.runtime.result import Cause, DepthResult, Reason, Status  # noqa: E402
 
 __all__ = [
+    "Cause",
     "DepthEstimator",
     "DepthResult",
     "EndoError",

@@ -4,8 +4,8 @@ Arrays are C-contiguous unless said. Wrong types, shapes or values raise `endosd
 """
 
 import enum
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,22 +20,51 @@ class Reason(enum.IntFlag):
     OUTSIDE_OVERLAP = 4
     OUT_OF_RANGE = 8
     SATURATED = 16
+    OUTSIDE_VIEW = 32
 
 class Status(enum.IntEnum):
-    """One word on a whole frame, from the share of valid pixels."""
+    """One word on a whole frame, which follows from its causes."""
 
     OK = 0
     DEGRADED = 1
     INVALID = 2
 
-# Shares of valid pixels from which a frame is OK, and from which it may be used at all.
-least_share_ok: float
-least_share_usable: float
+class Cause(enum.IntEnum):
+    """What is wrong with a frame."""
 
-# What a metric output without a calibration is told.
+    COVERED = 0
+    SATURATED = 1
+    BLURRED = 2
+    DIM = 3
+    FROZEN = 4
+    NOT_SIMULTANEOUS = 5
+    SAME_VIEW_TWICE = 6
+    SWAPPED = 7
+    NOT_RECTIFIED = 8
+    RIG_MOVED = 9
+    OUT_OF_RANGE = 10
+    LOW_TEXTURE = 11
+    LATE = 12
+    VIEWS_DIFFER = 13
+    FEW_VALID = 14
+    STALE = 15
+
+class _CauseFact(TypedDict):
+    measure: str  # what the number counts, and in which unit
+    bad: Literal["high", "low"]  # which side of the limits is bad
+    degraded: float
+    invalid: float  # NaN: never
+    meaning: str
+    remedy: str
+
+# The table from which a frame's status follows.
+cause_facts: dict[Cause, _CauseFact]
+
+# What a metric output without a calibration is refused with.
 calibration_rule: str
 
 # The constants of joint bilateral upsampling, and how a model's metadata states them.
+output_maps: tuple[tuple[str, np.dtype[Any], bool], ...]  # name, type, whether it needs a calibration
 upsampling_reach: int
 upsampling_unlike: float
 upsampling_least_likeness: float
@@ -48,6 +77,15 @@ cpu_provider: str
 def full_provider_name(name: str) -> str:
     """Return ONNX Runtime's own name of a provider; short and full names are taken in any case."""
 
+def parse_provider_options(texts: list[str]) -> list[tuple[str, str]]:
+    """Return keys and values of texts of the form key=value."""
+
+def check_provider_options(provider: str, options: list[tuple[str, str]]) -> None:
+    """Refuse an empty key, a key that stands twice, and any option of the processor."""
+
+def check_placement(provider: str, placement: dict[str, dict[str, int]]) -> None:
+    """Refuse a placement, operations and their counts by provider, in which the provider does not compute the model."""
+
 def wants_float32_model(provider: str) -> bool:
     """Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor."""
 
@@ -56,6 +94,17 @@ def parse_metadata(metadata: dict[str, str], sha256: str) -> dict[str, Any]:
 
 def check_weights_are_inside(model: bytes, origin: str) -> None:
     """Refuse a model that keeps weights in another file: its hash would not cover them."""
+
+# The seal of a model: its metadata key, the value before it is sealed, and the bytes before the digits in a file.
+seal_key: str
+empty_seal: str
+seal_mark: bytes
+
+def check_seal(model: bytes, origin: str) -> bool:
+    """Return whether a model is sealed. Raises ModelHashMismatch where its bytes are not those that were sealed."""
+
+def seal(model: bytes) -> bytes:
+    """Return the bytes of a model, whose seal is empty, with the hash in its place."""
 
 _Isa = Literal["avx512", "avx2", "plain"]
 _Order = Literal["rgb", "bgr", "gray"]
@@ -75,6 +124,9 @@ def set_isa(name: str) -> None: ...
 
 # Answers this close to an end of the network's range, px of the network, count as out of range.
 range_margin: float
+
+# Of all channels: from here on a pixel is glare.
+saturation_level: int
 
 def default_threads() -> int:
     """Return the number of cores that this process may use, but at most 8."""
@@ -146,8 +198,14 @@ class Rectifier:
 def pack(left: _Bytes, right: _Bytes, out_left: _Bytes, out_right: _Bytes, order: _Order | str) -> None:
     """Rewrite an already rectified pair as padded planar RGB; arrays as for `Rectifier.rectify`."""
 
-def same_pixels(left: _Bytes, right: _Bytes) -> bool:
-    """Whether two frames, as for `Rectifier.rectify`, hold the same bytes."""
+def displacement_of_frames(left: _Bytes, right: _Bytes) -> float:
+    """How far apart two frames show their texture, thousandths of the width; NaN where too little is textured.
+
+    Frames as for `Rectifier.rectify`.
+    """
+
+# Frames that are less apart are one view.
+displacement_of_one_view: float
 
 def resize_bilinear(src: _Map, out: _Map, scale_y: float, scale_x: float, gain: float) -> None:
     """Resize with half-pixel centres and clamped edges, and multiply by ``gain``.
@@ -167,8 +225,70 @@ def postprocess(fields: Mapping[str, Any], out: Mapping[str, Any]) -> int:
 _Rig = tuple[str, int, int, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
 _OutputMaps = tuple[_Map, _Map, _Bytes, _Map | None, _Map | None]
 
+def nearest_depth_mm(rig: _Rig | tuple[Any, ...], max_candidate_disparity: int, inference_width: int) -> float:
+    """Nearest depth, mm, that a model sees on a rig at its usual size; NaN where its range is 0: not stated."""
+
+def rotation_matrix(vector: _Matrix) -> _Matrix:
+    """Return the rotation matrix of an axis times an angle, radians."""
+
+def rig_error(
+    disparity: _Map,
+    confidence: _Map,
+    left: _Bytes,
+    right: _Bytes,
+    picture: tuple[int, int],
+    frame: tuple[float, float],
+    pattern: tuple[float, float, float, float, float],
+) -> _Pose | None:
+    """Return the pose error that explains what is left across the rows."""
+
+def coarse_match(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> tuple[float, float]:
+    """Return what exchanging the views gains in correlation, and the rows by which matches lie lower."""
+
+def lag_of(moved_px: Sequence[float], rows_px: Sequence[float]) -> tuple[float, float]:
+    """Return by how many frames the right view is late, and the standard error of that.
+
+    Args:
+        moved_px: the rows by which the left picture's content lay lower in the frame before, one number a frame.
+        rows_px: the rows by which matches lie lower in the right view than in the left one.
+    """
+
 def rectified_views(left: _Bytes, right: _Bytes, rig: _Rig | tuple[Any, ...]) -> tuple[_Bytes, _Bytes]:
     """Return the rectified views of one pair at its own size."""
+
+class TemporalFilter:
+    """Disparity of one camera's frames, made steady in time."""
+
+    def smooth(
+        self, left: _Bytes, picture: tuple[int, int], disparity: _Map, confidence: _Map, cells_per_pixel: float
+    ) -> None:
+        """Draw a frame's disparity, in place, towards that of the frame before."""
+
+_Camera = tuple[float, float, float, float]
+
+correlation_share: float
+mean_square_share: float
+
+def point_at(depth: _Map, sigma: _Map, reasons: _Bytes, camera: _Camera, x: float, y: float) -> tuple[_Matrix, _Matrix]:
+    """Return the point [1,3] that a pixel shows and its covariance [3,3]; ``camera`` is focal lengths and centre."""
+
+def path_length(depth: _Map, sigma: _Map, reasons: _Bytes, camera: _Camera, pixels: _Matrix) -> tuple[float, float]:
+    """Return the length of the line through the points at pixels [n,2], and its standard error."""
+
+def area(
+    depth: _Map, sigma: _Map, reasons: _Bytes, camera: _Camera, polygon: _Matrix
+) -> tuple[float, float, float, float, float]:
+    """Return flat area, relief, each with its standard error, and the share of pixels with depth."""
+
+class PixelMap:
+    """Raw and rectified pixels of one rig."""
+
+    def __init__(self, rig: _Rig | tuple[Any, ...], alpha: float) -> None: ...
+    def to_raw(self, right: bool, pixels: _Matrix) -> _Matrix: ...
+    def to_rectified(self, right: bool, pixels: _Matrix) -> _Matrix: ...
+    def region(self) -> list[int]: ...
+
+_Pose = tuple[list[float], list[float], float, float]
 
 class FrameReport:
     """What is said of one frame besides its maps."""
@@ -180,6 +300,23 @@ class FrameReport:
     @property
     def status(self) -> Status: ...
     @property
+    def causes(self) -> dict[Cause, float]:
+        """What is wrong with the frame, with the measure of each."""
+    @property
+    def measures(self) -> dict[Cause, float]:
+        """All that was measured, wrong or not."""
+    @property
+    def pose(self) -> _Pose | None:
+        """The rig against its calibration: values and covariance, radians; vertical disparity, px, and its error."""
+    @property
+    def steady(self) -> _Pose | None:
+        """The same over the frames so far, corrections not counted."""
+    @property
+    def drifted(self) -> bool: ...
+    @property
+    def corrected(self) -> list[float]:
+        """What the rectification of this frame made up for, radians."""
+    @property
     def rectify_ms(self) -> float: ...
     @property
     def session_ms(self) -> float: ...
@@ -189,6 +326,38 @@ class FrameReport:
     def total_ms(self) -> float: ...
     @property
     def late(self) -> bool: ...
+    @property
+    def stamp_ns(self) -> int: ...
+    @property
+    def age_ms(self) -> float: ...
+    @property
+    def identity(self) -> Identity: ...
+
+class Identity:
+    """What a result was computed with: versions, hashes, provider and processor. Empty where there is none."""
+
+    @property
+    def endosdk(self) -> str: ...
+    @property
+    def model(self) -> str: ...
+    @property
+    def model_version(self) -> str: ...
+    @property
+    def model_sha256(self) -> str: ...
+    @property
+    def calibration_sha256(self) -> str: ...
+    @property
+    def runtime(self) -> str:
+        """Version of ONNX Runtime."""
+    @property
+    def runtime_sha256(self) -> str:
+        """Hash of the file that holds ONNX Runtime."""
+    @property
+    def provider(self) -> str:
+        """What computed the network, by the runtime's own name."""
+    @property
+    def device(self) -> str:
+        """The processor of this machine, by its maker's name."""
 
 class Stream:
     """Frames in flight; one thread may submit while another receives."""
@@ -200,7 +369,10 @@ class Stream:
     def wait_for_room(self) -> bool:
         """Wait until one more frame may be submitted; False when the stream is over."""
 
-    def submit(self, left: _Bytes, right: _Bytes, maps: _OutputMaps) -> None:
+    def follow_rig(self) -> None:
+        """Let the rectification make up for turns of the rig from now on."""
+
+    def submit(self, left: _Bytes, right: _Bytes, maps: _OutputMaps, stamp_ns: int) -> None:
         """Hand a frame over and return once it was read."""
 
     def receive(self) -> tuple[FrameReport, Any] | None:
@@ -223,6 +395,7 @@ class FramePathSettings:
         min_confidence: float,
         depth_range_mm: tuple[float, float],
         deadline_ms: float,
+        max_age_ms: float,
     ) -> None: ...
     @property
     def threads(self) -> int: ...
@@ -232,13 +405,14 @@ class FramePath:
 
     def __init__(self, session: Any, settings: FramePathSettings) -> None: ...
     def set_calibration(self, rig: _Rig | tuple[Any, ...]) -> None: ...
-    def predict(self, left: _Bytes, right: _Bytes, maps: _OutputMaps) -> FrameReport: ...
-    def stream(self, width: int, height: int) -> Stream: ...
+    def predict(self, left: _Bytes, right: _Bytes, maps: _OutputMaps, stamp_ns: int) -> FrameReport: ...
+    def stream(self, width: int, height: int, temporal: bool) -> Stream: ...
     def rectify(self, left: _Bytes, right: _Bytes) -> tuple[_Bytes, _Bytes]: ...
     def rectified(self) -> tuple[_Bytes, _Bytes]: ...
     def prepare(self, width: int, height: int) -> None: ...
     def cancel(self) -> None: ...
     def self_test(self) -> None: ...
     def close(self) -> None: ...
+    def largest_disparity(self, width: int, height: int) -> float: ...
     def nearest_depth_mm(self) -> float: ...
     def diagnostics(self) -> str: ...

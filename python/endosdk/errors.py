@@ -38,13 +38,15 @@ class ErrorCode(IntEnum):
     INTERNAL = 21
     # Of Python alone.
     SOURCE_FAILED = 22
+    # Of both again.
+    RUNTIME_HASH_MISMATCH = 23
 
 
 class EndoError(Exception):
     """Base of all errors of this package.
 
     ``code`` is an `ErrorCode`, ``argument`` the name of what was wrong, ``rule`` what it must satisfy, ``value`` what
-    was seen instead.
+    was seen instead. Where no argument was wrong, ``argument`` is empty and ``rule`` says what happened.
     """
 
     code: ErrorCode = ErrorCode.INVALID_ARGUMENT
@@ -53,7 +55,8 @@ class EndoError(Exception):
         self.argument = argument
         self.rule = rule
         self.value = value
-        super().__init__(f"{argument}: {rule}; got {_shortened(value)} [{self.code.name}]")
+        said = f"{argument}: {rule}; got {_shortened(value)}" if argument else rule
+        super().__init__(f"{said} [{self.code.name}]")
 
     def __reduce__(self) -> tuple[type[EndoError], tuple[str, str, object]]:
         """Keep the three parts when the error crosses a process boundary."""
@@ -133,6 +136,12 @@ class RuntimeConflict(EndoError, ImportError):
     """onnxruntime and onnxruntime-gpu are installed over each other."""
 
     code = ErrorCode.RUNTIME_CONFLICT
+
+
+class RuntimeHashMismatch(EndoError, ValueError):
+    """The file of ONNX Runtime is not the one that was pinned."""
+
+    code = ErrorCode.RUNTIME_HASH_MISMATCH
 
 
 class ProviderUnavailable(EndoError, RuntimeError):

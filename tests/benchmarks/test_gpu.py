@@ -11,7 +11,7 @@ from benchmarks.speed.graph_cost import graph_cost
 from endosdk.runtime.models import read_model
 
 SIZE = (96, 64)
-PROCESSOR = gpu.Device("cpu", 1.0, 2.0, 10.0)
+PROCESSOR = gpu.Card("cpu", 1.0, 2.0, 10.0)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_a_variant_that_cannot_run_says_why():
 
 
 def test_every_combination_of_options_is_swept_on_a_card():
-    options = gpu.variants(gpu.Device("cuda", 1, 1, 1))
+    options = gpu.variants(gpu.Card("cuda", 1, 1, 1))
     assert len(options) == len({tuple(entry.items()) for entry in options}) == 16
 
 

@@ -1,40 +1,34 @@
-"""The report's figures say what was measured on what, and nothing covers the curves."""
+"""The report's figures say what was measured, and nothing covers the curves."""
 
-import json
 from pathlib import Path
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from benchmarks.paper import figures
-from benchmarks.paper.experiments import GROUPS
 
-RECORD = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "paper" / "ablations.json"
+ROWS = {
+    label: {"curve": {"epochs": [1, 2, 3], "loss": [3, 2, 1], "test_epe": [2, 1, 0.5], "test_epe_in_range": [1, 1, 1]}}
+    for label in (
+        "100 pairs",
+        "100 pairs, seed 1",
+        "800 pairs and the test pairs",
+        "800 pairs and the test pairs, seed 1",
+    )
+}
 
 
-@pytest.fixture
-def drawn(monkeypatch):
-    """Figures that would have been saved."""
+@pytest.mark.parametrize("measure", figures.CURVES)
+def test_legend_stands_beside_the_curves_and_names_each_setting_once(monkeypatch, measure):
     kept = []
     monkeypatch.setattr(figures, "_save", lambda figure, file: kept.append(figure) or file)
-    return kept
-
-
-@pytest.mark.parametrize("group", figures.CURVES)
-def test_legend_stands_beside_the_curves_and_the_title_says_what_they_leave_out(drawn, group):
-    rows = json.loads(RECORD.read_text())["groups"][group]
-    figures.draw_curves(rows, GROUPS[group], Path("unused.png"))
-    (figure,) = drawn
+    figures.draw_curves(ROWS, "Number of training pairs", measure, Path("unused.png"))
+    (figure,) = kept
     FigureCanvasAgg(figure).draw()
     (axes,) = figure.axes
-    legend = axes.get_legend().get_window_extent()
-    assert not legend.overlaps(axes.bbox)
-    assert legend.x1 <= figure.bbox.x1
-    assert axes.get_title().replace("\n", " ") == GROUPS[group].curves
-    assert bool(GROUPS[group].curves) == (group in ("range", "refinement"))
-
-
-def test_bars_say_on_which_pairs_the_error_was_measured(drawn):
-    record = json.loads(RECORD.read_text())
-    figures.draw_bars(record["groups"]["range"], "Maximum disparity", Path("unused.png"))
-    assert drawn[0].axes[0].get_ylabel() == f"mean error, first {record['pairs']} test pairs, px"
+    legend = axes.get_legend()
+    assert not legend.get_window_extent().overlaps(axes.bbox)
+    assert legend.get_window_extent().x1 <= figure.bbox.x1
+    assert [text.get_text() for text in legend.get_texts()] == ["100 pairs", "800 pairs and the test pairs"]
+    assert len(axes.lines) == 4 and axes.get_ylabel() == figures.CURVES[measure]
+    assert axes.lines[0].get_color() == axes.lines[1].get_color() != axes.lines[2].get_color()

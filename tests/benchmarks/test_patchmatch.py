@@ -10,7 +10,7 @@ from benchmarks.methods.patchmatch import PatchMatchSettings, built_in, cmake_pr
 from endosdk.errors import InvalidArgument
 from tests.conftest import shifted_pair, textured_picture
 
-pytestmark = pytest.mark.skipif(cmake_program() is None, reason="needs cmake and a compiler")
+pytestmark = pytest.mark.skipif(cmake_program() is None, reason="Debian: apt-get install cmake g++")
 
 
 def twin_cost(left, right, x, y, plane, radius, max_disparity):
@@ -46,7 +46,7 @@ def kernels(request, tmp_path_factory):
     if request.param == "native":
         return library()
     if platform.machine() not in ("x86_64", "AMD64"):
-        pytest.skip("the native build has no other loops")
+        pytest.skip("the native build has no other loops: only an x86-64 processor has them")
     return built_in(tmp_path_factory.mktemp("plain"), "-DCMAKE_CXX_FLAGS=-mno-avx512f")
 
 

@@ -1,5 +1,6 @@
 """What README.md and the cards say is what was measured."""
 
+import re
 import shutil
 
 import pytest
@@ -12,6 +13,19 @@ def test_tables_are_those_of_the_records(name):
     text = (tables.ROOT / name).read_text()
     assert tables.PLACE.search(text), "the document has no table"
     assert tables.filled(text) == text
+
+
+def test_a_row_of_a_file_that_no_longer_ships_is_marked(tmp_path, monkeypatch):
+    (tmp_path / "models.toml").write_text('[fast]\nfile = "fast.onnx"\nsha256 = "abc"\n')
+    record = {"fps": 50, "stream_fps": 60, "against": {"sgbm": {"fps": 20}}, "model": {"sha256": "abc"}}
+    monkeypatch.setattr(tables, "MANIFEST", tmp_path / "models.toml")
+    monkeypatch.setattr(tables, "_record", lambda name: record)
+    assert tables.STALE not in tables.short_speed_table()
+    record["model"]["sha256"] = "abd"
+    marked = tables.short_speed_table()
+    assert marked.count(f"VNNI {tables.STALE} | 50") == len(tables.SHORT_SPEEDS)
+    assert marked.endswith(f"\n\n{tables.STALE_NOTE}\n")
+    assert tables._marked("StereoSGBM", None) == "StereoSGBM"
 
 
 def test_a_number_that_no_record_backs_is_found(tmp_path, monkeypatch):
@@ -29,3 +43,15 @@ def test_a_number_that_no_record_backs_is_found(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["tables"])
     tables.main()
     assert readme.read_text() == true
+
+
+def test_every_accuracy_record_has_its_command():
+    page = (tables.ROOT / "benchmarks" / "README.md").read_text()
+    rows = dict(re.findall(r"^\| (`[^|]*\.json`) \| ([^|]*) \|$", page, re.MULTILINE))
+    named = {record for records in rows for record in re.findall(r"`([^`]+)`", records)}
+    assert named == {path.name for path in (tables.RESULTS / "accuracy").glob("*.json")}
+    for records, command in rows.items():
+        module = re.match(r"`python -m (\S+) ", command)
+        if module:
+            assert records.strip("`") in command
+            assert (tables.ROOT / f"{module[1].replace('.', '/')}.py").is_file()

@@ -1,4 +1,4 @@
-"""The benchmark of guided upsampling compares the same answers, and sees what guiding is for."""
+"""The benchmark of joint bilateral upsampling compares the same answers, and sees what guiding is for."""
 
 import pytest
 
@@ -16,13 +16,13 @@ def layers(tmp_path_factory):
     return open_dataset(root, "test")
 
 
-def test_guided_edges_are_nearer_to_the_truth(layers):
+def test_joint_bilateral_edges_are_nearer_to_the_truth(layers):
     found = measure("fast-fp32", layers, 2)
     assert found["pairs"] == 2
-    assert found["guided"]["epe_px"] < found["bilinear"]["epe_px"]
+    assert found["joint_bilateral"]["epe_px"] < found["bilinear"]["epe_px"]
 
 
 def test_an_answer_as_large_as_the_input_is_left_alone(layers, tmp_path):
     path = export_into(tmp_path, "wang2020").path  # every shipped model answers for cells of more than one pixel
     found = measure(str(path), layers, 1)
-    assert found["guided"] == pytest.approx(found["bilinear"], rel=1e-5)
+    assert found["joint_bilateral"] == pytest.approx(found["bilinear"], rel=1e-5)

@@ -9,10 +9,13 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
+from collections.abc import Iterable, Iterator
 from ctypes import (
     POINTER,
     Structure,
     byref,
+    c_char,
     c_char_p,
     c_double,
     c_int32,
@@ -22,6 +25,7 @@ from ctypes import (
     c_uint64,
     c_void_p,
 )
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +63,15 @@ class Options(Structure):
         ("deadline_ms", c_double),
         ("float32_model", c_char_p),
         ("float32_model_sha256", c_char_p),
+        ("provider_options", POINTER(c_char_p)),
+        ("runtime_sha256", c_char_p),
+        ("max_age_ms", c_double),
     ]
+
+
+def texts(*values: str) -> Any:
+    """An array of texts that ends with NULL."""
+    return (c_char_p * (len(values) + 1))(*(value.encode() for value in values), None)
 
 
 class Calibration(Structure):
@@ -124,6 +136,8 @@ class Image(Structure):
         return cls(ctypes.sizeof(cls), format, frame.ctypes.data, frame.shape[1], frame.shape[0], frame.strides[0])
 
 
+ROTATIONS = ("rotation_deg", "rotation_se_deg", "steady_rotation_deg", "steady_rotation_se_deg", "corrected_deg")
+
 MAPS = {
     "disparity": np.float32,
     "confidence": np.float32,
@@ -133,6 +147,20 @@ MAPS = {
     "disparity_u16": np.uint16,
     "depth_u16": np.uint16,
 }
+
+
+class Identity(Structure):
+    _fields_ = [
+        ("endosdk", c_char * 16),
+        ("model", c_char * 104),
+        ("model_version", c_char * 32),
+        ("model_sha256", c_char * 72),
+        ("calibration_sha256", c_char * 72),
+        ("runtime", c_char * 32),
+        ("runtime_sha256", c_char * 72),
+        ("provider", c_char * 40),
+        ("device", c_char * 72),
+    ]
 
 
 class Result(Structure):
@@ -148,6 +176,16 @@ class Result(Structure):
         ("postprocess_ms", c_double),
         ("late", c_int32),
         ("reserved", c_int32),
+        ("causes", c_uint64),
+        ("measures", c_double * 32),
+        ("vertical_disparity_px", c_double),
+        ("vertical_disparity_se_px", c_double),
+        *((name, c_double * 3) for name in ROTATIONS),
+        ("drifted", c_int32),
+        ("reserved2", c_int32),
+        ("stamp_ns", c_int64),
+        ("age_ms", c_double),
+        ("identity", Identity),
     ]
 
 
@@ -155,6 +193,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "endo_version": (c_char_p, []),
     "endo_build_info": (c_char_p, []),
     "endo_status_name": (c_char_p, [c_int32]),
+    "endo_cause_name": (c_char_p, [c_int32]),
     "endo_last_error": (c_char_p, []),
     "endo_options_init": (c_int32, [POINTER(Options), c_size_t]),
     "endo_open_file": (c_int32, [c_char_p, POINTER(Options), POINTER(c_void_p)]),
@@ -168,10 +207,19 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "endo_get_rectified": (c_int32, [c_void_p, c_void_p, c_void_p, c_size_t]),
     "endo_cancel": (c_int32, [c_void_p]),
     "endo_stream_open": (c_int32, [c_void_p, c_int32, c_int32, POINTER(c_int32), POINTER(c_void_p)]),
+    "endo_stream_set_temporal": (c_int32, [c_void_p, c_int32]),
     "endo_stream_submit": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), POINTER(Result)]),
     "endo_stream_receive": (c_int32, [c_void_p, POINTER(POINTER(Result))]),
     "endo_stream_end": (c_int32, [c_void_p]),
+    "endo_stream_follow_rig": (c_int32, [c_void_p]),
     "endo_stream_close": (None, [c_void_p]),
+    "endo_point_at": (c_int32, [POINTER(Calibration), POINTER(Result), c_double, c_double, c_void_p]),
+    "endo_path_length": (c_int32, [POINTER(Calibration), POINTER(Result), c_void_p, c_size_t, c_void_p]),
+    "endo_area_inside": (c_int32, [POINTER(Calibration), POINTER(Result), c_void_p, c_size_t, c_void_p]),
+    "endo_get_rectification": (c_int32, [POINTER(Calibration), c_double, c_void_p]),
+    "endo_raw_to_rectified": (c_int32, [POINTER(Calibration), c_double, c_int32, c_void_p, c_size_t, c_void_p]),
+    "endo_rectified_to_raw": (c_int32, [POINTER(Calibration), c_double, c_int32, c_void_p, c_size_t, c_void_p]),
+    "endo_to_raw_left": (c_int32, [POINTER(Calibration), c_void_p, c_size_t, c_void_p]),
     "endo_self_test": (c_int32, [c_void_p]),
     "endo_get_diagnostics": (c_int32, [c_void_p, c_char_p, c_size_t, POINTER(c_size_t)]),
 }
@@ -194,13 +242,13 @@ def cmake(*arguments: str | Path) -> str:
 def configure(folder: Path, *options: str) -> None:
     """Configure the C++ part of the project into ``folder``; skip where its one foreign header cannot be had."""
     if shutil.which("cmake") is None:
-        pytest.skip("no cmake")
+        pytest.skip("no CMake (Debian: apt-get install cmake)")
     generator = ["-G", "Ninja"] if shutil.which("ninja") else []
     done = subprocess.run(
         ["cmake", "-S", str(ROOT), "-B", str(folder), *generator, *options], capture_output=True, text=True, check=False
     )
     if "No headers of ONNX Runtime" in done.stderr:
-        pytest.skip("the headers of ONNX Runtime are not on this machine and cannot be fetched")
+        pytest.skip("the headers of ONNX Runtime are not here and cannot be fetched: see docs/c-library.md")
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
 
 
@@ -256,16 +304,63 @@ class CEstimator:
         return geometry
 
     def predict(
-        self, left: np.ndarray, right: np.ndarray, order: str = "rgb", maps: tuple[str, ...] = tuple(MAPS)
+        self,
+        left: np.ndarray,
+        right: np.ndarray,
+        order: str = "rgb",
+        maps: tuple[str, ...] = tuple(MAPS),
+        stamp_ns: int = 0,
     ) -> tuple[Result, dict[str, np.ndarray]]:
         """Maps of one pair by name."""
-        height, width = left.shape[:2]
+        result, arrays = self._room(left, maps)
+        result.stamp_ns = stamp_ns
+        views = Image.of(left, order), Image.of(right, order)
+        self._check(self.library.endo_predict(self.handle, byref(views[0]), byref(views[1]), byref(result)))
+        return result, arrays
+
+    def stream(
+        self,
+        pairs: Iterable[tuple[np.ndarray, np.ndarray]],
+        maps: tuple[str, ...] = tuple(MAPS),
+        temporal: bool = False,
+    ) -> Iterator[tuple[Result, dict[str, np.ndarray]]]:
+        """Maps of every pair in order, in a ring of as many as can be in flight and two more."""
+        source = iter(pairs)
+        first = next(source)
+        height, width = first[0].shape[:2]
+        stream, flight = c_void_p(), c_int32()
+        opened = self.library.endo_stream_open(self.handle, width, height, byref(flight), byref(stream))
+        self._check(opened)
+        self._check(self.library.endo_stream_set_temporal(stream, int(temporal)))
+        ring = [self._room(first[0], maps) for _ in range(flight.value + 2)]
+        free = threading.Semaphore(len(ring) - 1)  # the caller still looks at the latest
+
+        def submit() -> None:
+            for number, (left, right) in enumerate(chain([first], source)):
+                free.acquire()
+                views = Image.of(left), Image.of(right)
+                result = ring[number % len(ring)][0]
+                self.library.endo_stream_submit(stream, byref(views[0]), byref(views[1]), byref(result))
+            self.library.endo_stream_end(stream)
+
+        feeding = threading.Thread(target=submit, daemon=True)
+        feeding.start()
+        received = POINTER(Result)()
+        for number in count():
+            self._check(self.library.endo_stream_receive(stream, byref(received)))
+            if not received:
+                break
+            yield ring[number % len(ring)]
+            free.release()
+        feeding.join()
+        self.library.endo_stream_close(stream)
+
+    def _room(self, frame: np.ndarray, maps: tuple[str, ...]) -> tuple[Result, dict[str, np.ndarray]]:
+        height, width = frame.shape[:2]
         arrays = {name: np.empty((height, width), MAPS[name]) for name in maps}
         result = Result(struct_size=ctypes.sizeof(Result), capacity=height * width)
         for name, array in arrays.items():
             setattr(result, name, array.ctypes.data)
-        views = Image.of(left, order), Image.of(right, order)
-        self._check(self.library.endo_predict(self.handle, byref(views[0]), byref(views[1]), byref(result)))
         return result, arrays
 
     def diagnostics(self) -> bytes:

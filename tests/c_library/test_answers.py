@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
+import logging
+import math
 
 import numpy as np
 import pytest
@@ -48,15 +51,34 @@ def test_same_maps_as_python(library, rig_name, size, network_size):
     assert (maps["reasons"] & endosdk.Reason.SATURATED).any()
     assert result.valid_share == expected.valid_share
     assert result.quality == expected.status
-    answered = expected.reasons == 0
-    steps = np.where(answered, np.clip(np.round(256 * expected.disparity), 0, 65535), 0)
+    assert result.causes == sum(1 << cause for cause in expected.causes)
+    measures = {cause: measure for cause, measure in enumerate(result.measures) if not np.isnan(measure)}
+    assert measures == pytest.approx(expected.measures, rel=1e-6)
+    valid = expected.reasons == 0
+    steps = np.where(valid, np.clip(np.round(256 * expected.disparity), 0, 65535), 0)
     assert np.abs(maps["disparity_u16"] - steps).max() <= 1
     if rig is None:
         return
     np.testing.assert_allclose(maps["depth"], expected.depth, rtol=1e-6)
     np.testing.assert_allclose(maps["sigma"], expected.sigma, rtol=1e-6)
-    tenths = np.where(answered, np.clip(10 * np.nan_to_num(expected.depth), 0, 65535), 0)
+    tenths = np.where(valid, np.clip(10 * np.nan_to_num(expected.depth), 0, 65535), 0)
     assert np.abs(maps["depth_u16"] - tenths).max() <= 0.51 + 1e-6 * 65535
+
+
+@pytest.mark.parametrize("temporal", [False, True])
+def test_same_stream_as_python(library, temporal):
+    pairs = [shifted_pair(480, 640, shift) for shift in (5, 11, 8, 3, 14, 9, 2)]
+    rig = raw_rig()
+    expected = [
+        result.disparity.copy()
+        for result in endosdk.DepthEstimator(TINY_MODEL, calibration=rig).stream(pairs, temporal=temporal)
+    ]
+    estimator = c.CEstimator(library, TINY_MODEL, rig, threads=2)
+    found = [(result.frame, maps["disparity"].copy()) for result, maps in estimator.stream(pairs, temporal=temporal)]
+    estimator.close()
+    assert [frame for frame, _ in found] == list(range(1, len(pairs) + 1))
+    for (_, disparity), wanted in zip(found, expected, strict=True):
+        np.testing.assert_allclose(disparity, wanted, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("order", ["bgr", "gray"])
@@ -92,12 +114,32 @@ def test_no_answer_is_nearer_than_the_diagnostics_say(library, network_width):
     left[:, 120:], right[:, 120:] = shifted_pair(120, 120, 31)
     rig = endosdk.StereoCalibration.rectified(210.0, 4.5, (240, 120), doffs=2.0)
     size = {} if network_width is None else {"network_width": network_width, "network_height": network_width // 2}
-    estimator = c.CEstimator(library, TINY_MODEL, rig, **size)
+    # Whatever the confidence: a pair with few valid pixels would have no depth at all.
+    estimator = c.CEstimator(library, TINY_MODEL, rig, min_confidence=0.0, **size)
     _, maps = estimator.predict(left, right)
     nearest = json.loads(estimator.diagnostics())["nearest_depth_mm"]
     estimator.close()
     assert nearest == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * (240 / (network_width or 240))), rel=1e-6)
     assert np.nanmin(maps["depth"]) >= nearest * (1 - 1e-6)
+
+
+LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int32, ctypes.c_char_p)
+
+
+@pytest.mark.parametrize("nearest_mm", [0.0, 20.5, 32.0])
+def test_how_near_a_rig_sees_is_said_in_pythons_words(library, caplog, nearest_mm):
+    lines = []
+    rig = endosdk.StereoCalibration.rectified(210.0, 9.0, (240, 120))
+    log = LOG(lambda _, level, line: lines.append((logging.WARNING if level == 2 else logging.INFO, line.decode())))
+    options = {"log": ctypes.cast(log, ctypes.c_void_p), "log_level": 3, "min_depth_mm": nearest_mm}
+    c.CEstimator(library, TINY_MODEL, rig, network_width=120, network_height=60, **options).close()
+    lines = [line for line in lines if line[1].startswith("nearest depth this model sees on this rig: 31 mm")]
+    with caplog.at_level(logging.INFO, "endosdk.rigs"):
+        endosdk.DepthEstimator(
+            TINY_MODEL, calibration=rig, network_size=(120, 60), depth_range_mm=(nearest_mm, math.inf)
+        )
+    assert lines == [(line.levelno, line.message) for line in caplog.records if line.name == "endosdk.rigs"]
+    assert len(lines) == 1
 
 
 @pytest.mark.parametrize("name", sorted(shipped_models()))

@@ -27,7 +27,7 @@ def git(folder: Path, *arguments: str) -> str:
 def repository(tmp_path) -> Path:
     """A repository of one commit."""
     if shutil.which("git") is None or shutil.which("cmake") is None:
-        pytest.skip("no git or no cmake")
+        pytest.skip("no git or no CMake (Debian: apt-get install git cmake)")
     folder = tmp_path / "repository"
     (folder / "vendored").mkdir(parents=True)
     (folder / "file").write_text("one")

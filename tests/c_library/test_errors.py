@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import re
 import shutil
@@ -10,13 +11,14 @@ import subprocess
 import pytest
 
 import endosdk
+from endosdk._core import seal_mark
 from endosdk.errors import ErrorCode
 from tests.c_library import binding as c
 from tests.conftest import TINY_MODEL
 
 
 def edited_model(change) -> bytes:
-    onnx = pytest.importorskip("onnx")
+    onnx = pytest.importorskip("onnx", reason="no onnx: pip install 'endosdk[train]'")
     from endosdk.training.model_file import sealed_bytes
 
     model = onnx.load(TINY_MODEL)
@@ -132,6 +134,32 @@ def test_one_flipped_byte_is_refused_when_the_model_is_pinned(library):
     assert seen.value.name == "MODEL_HASH_MISMATCH"
 
 
+def test_a_flipped_weight_of_a_sealed_model_is_refused_without_a_pin(library, tmp_path):
+    data = TINY_MODEL.read_bytes()
+    for at in range(0, data.index(seal_mark), 97):
+        flipped = data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+        (tmp_path / "model.onnx").write_bytes(flipped)
+        for model in (flipped, tmp_path / "model.onnx"):
+            with pytest.raises(c.CError, match="must hold the bytes that were sealed") as seen:
+                c.CEstimator(library, model)
+            assert seen.value.name == "MODEL_HASH_MISMATCH"
+
+
+def test_a_model_without_a_seal_is_taken_with_a_warning(library):
+    onnx = pytest.importorskip("onnx", reason="no onnx: pip install 'endosdk[train]'")
+    model = onnx.load(TINY_MODEL)
+    del model.metadata_props[-1]
+    data, lines = model.SerializeToString(), []
+    log = LOG(lambda _, level, line: lines.append((level, line.decode())))
+    function = ctypes.cast(log, ctypes.c_void_p)
+    c.CEstimator(library, data, log=function).close()
+    assert [(level, line) for level, line in lines if "carries no seal" in line] == lines[:1]
+    lines.clear()
+    c.CEstimator(library, data, log=function, model_sha256=hashlib.sha256(data).hexdigest().encode()).close()
+    assert not [line for _, line in lines if "seal" in line]
+
+
+LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int32, ctypes.c_char_p)
 OLD_RUNTIME = """
 #include <stdint.h>
 static const void *api(uint32_t version) { return version > 20 ? 0 : ""; }
@@ -143,7 +171,7 @@ const void *OrtGetApiBase(void) { return &base; }
 
 def test_a_runtime_that_is_too_old_is_refused_by_its_version(library, tmp_path):
     if shutil.which("cc") is None:
-        pytest.skip("no C compiler")
+        pytest.skip("no C compiler (Debian: apt-get install gcc)")
     (tmp_path / "old.c").write_text(OLD_RUNTIME)
     runtime = tmp_path / "libonnxruntime.so.1.20.1"
     subprocess.run(["cc", "-shared", "-fPIC", "-o", runtime, tmp_path / "old.c"], check=True)
@@ -162,5 +190,5 @@ def test_self_test_finds_a_wrong_answer(library):
 
 def test_status_numbers_are_pythons():
     numbers = dict(re.findall(r"^    ENDO_([A-Z_]+) = (\d+)[,\s]", c.HEADER.read_text().split("endo_status;")[0], re.M))
-    assert len(numbers) == 16
+    assert len(numbers) == 17
     assert {name: int(number) for name, number in numbers.items()}.items() <= ErrorCode.__members__.items()

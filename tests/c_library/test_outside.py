@@ -28,10 +28,16 @@ def read_pgm16(path: Path) -> np.ndarray:
     return np.frombuffer(pixels, ">u2").reshape(height, width)
 
 
+def write_pair(folder: Path, height: int, width: int, disparity: int) -> tuple[np.ndarray, np.ndarray]:
+    """Write left.ppm and right.ppm, and return the two."""
+    pair = shifted_pair(height, width, disparity)
+    for name, view in zip(("left.ppm", "right.ppm"), pair, strict=True):
+        write_ppm(folder / name, view)
+    return pair
+
+
 def test_depth_cli_gives_pythons_depth(examples, environment, tmp_path):
-    left, right = shifted_pair(120, 200, 7)
-    write_ppm(tmp_path / "left.ppm", left)
-    write_ppm(tmp_path / "right.ppm", right)
+    left, right = write_pair(tmp_path, 120, 200, 7)
     files = [str(tmp_path / name) for name in ("left.ppm", "right.ppm", "depth.pgm")]
     command = [str(examples / "depth_cli"), str(TINY_MODEL), *files, "210", "4.5"]
     subprocess.run(command, check=True, env=environment, capture_output=True)
@@ -40,6 +46,28 @@ def test_depth_cli_gives_pythons_depth(examples, environment, tmp_path):
     depth = read_pgm16(tmp_path / "depth.pgm")
     np.testing.assert_array_equal(depth == 0, np.isnan(expected))
     assert np.nanmax(np.abs(0.1 * depth - expected)[depth > 0]) < 0.06
+
+
+def test_depth_cli_answers_nothing_for_a_pair_that_must_not_be_used(examples, environment, tmp_path):
+    write_ppm(tmp_path / "view.ppm", shifted_pair(120, 200, 7)[0])
+    command = [
+        str(examples / "depth_cli"),
+        str(TINY_MODEL),
+        *[str(tmp_path / "view.ppm")] * 2,
+        str(tmp_path / "out.pgm"),
+    ]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "must not be used" in done.stderr
+    assert not read_pgm16(tmp_path / "out.pgm").any()
+
+
+def test_the_examples_pin_the_model_where_asked(examples, environment):
+    pinned = {**environment, "MODEL_SHA256": 64 * "0"}
+    command = [str(examples / "live"), str(TINY_MODEL), "96", "64"]
+    done = subprocess.run(command, env=pinned, input=b"", capture_output=True, check=False)
+    assert done.returncode == 1
+    assert b"MODEL_HASH_MISMATCH" in done.stderr or b"must have SHA-256" in done.stderr
 
 
 def test_depth_cli_says_what_is_wrong(examples, environment, tmp_path):
@@ -55,7 +83,7 @@ def test_live_answers_every_frame_or_says_it_skipped(examples, environment):
     command = [str(examples / "live"), str(TINY_MODEL), "96", "64", "1000"]
     frames = 40 * (left.tobytes() + right.tobytes())
     done = subprocess.run(command, input=frames, env=environment, capture_output=True, check=True)
-    found = re.search(rb"(\d+) frames computed, (\d+) skipped, 0 late", done.stdout)
+    found = re.search(rb"(\d+) frames computed, 0 of them invalid, (\d+) skipped, 0 late", done.stdout)
     assert found is not None, done.stdout
     assert int(found[1]) >= 1
     assert int(found[1]) + int(found[2]) == 40
@@ -69,7 +97,7 @@ def test_the_headers_own_program_runs(installed, environment, tmp_path):
     first = next(i for i, line in enumerate(lines) if line.startswith("    #include"))
     last = next(i for i, line in enumerate(lines) if line == "    }")
     (tmp_path / "program.c").write_text("\n".join(line[4:] for line in lines[first : last + 1]) + "\n")
-    shutil.copy(TINY_MODEL, tmp_path / "wang2020.onnx")
+    shutil.copy(TINY_MODEL, tmp_path / "fast.onnx")
     flags = pkg_config(installed.prefix, environment)
     strict = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-Wl,-rpath,{installed.library.parent}"]
     subprocess.run(["cc", *strict, "program.c", "-o", "program", *flags], cwd=tmp_path, check=True)
@@ -88,7 +116,7 @@ def test_the_headers_own_program_runs(installed, environment, tmp_path):
 def pkg_config(prefix: Path, environment: dict[str, str]) -> list[str]:
     """Flags to compile and link with the library installed there; skip where no compiler could use them."""
     if shutil.which("pkg-config") is None or shutil.which("cc") is None:
-        pytest.skip("no pkg-config or no C compiler")
+        pytest.skip("no pkg-config or no C compiler (Debian: apt-get install pkg-config gcc)")
     folder = next(prefix.glob("lib*/**/endosdk.pc")).parent
     done = subprocess.run(
         ["pkg-config", "--cflags", "--libs", "endosdk"],
@@ -120,9 +148,7 @@ def compile_old_runtime(place: Path) -> None:
 
 @pytest.mark.parametrize("place", ["variable", "beside the library", "active environment"])
 def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path, place):
-    left, right = shifted_pair(48, 64, 5)
-    write_ppm(tmp_path / "left.ppm", left)
-    write_ppm(tmp_path / "right.ppm", right)
+    write_pair(tmp_path, 48, 64, 5)
     runtime = c.runtime_library()
     known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV"}
     variables = {name: value for name, value in os.environ.items() if name not in known}
@@ -146,7 +172,7 @@ def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path,
 @pytest.mark.parametrize("place", ["active environment", "system"])
 def test_a_runtime_that_is_too_old_does_not_end_the_search(examples, installed, tmp_path, place):
     """One lies beside the library, under the name that the loader knows the right one by."""
-    write_ppm(tmp_path / "view.ppm", shifted_pair(48, 64, 5)[0])
+    write_pair(tmp_path, 48, 64, 5)
     known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV"}
     variables = {name: value for name, value in os.environ.items() if name not in known}
     if place == "active environment":
@@ -156,7 +182,7 @@ def test_a_runtime_that_is_too_old_does_not_end_the_search(examples, installed, 
         variables["LD_LIBRARY_PATH"] = str(tmp_path)
     beside = installed.library.parent / "libonnxruntime.so.1"
     compile_old_runtime(beside)
-    files = [str(tmp_path / "view.ppm")] * 2 + [str(tmp_path / "depth.pgm")]
+    files = [str(tmp_path / name) for name in ("left.ppm", "right.ppm", "depth.pgm")]
     try:
         subprocess.run([examples / "depth_cli", TINY_MODEL, *files], env=variables, check=True, capture_output=True)
     finally:
@@ -203,8 +229,8 @@ def static_program(static_prefix, tmp_path_factory) -> Path:
 
 
 def assert_gives_a_map(program: Path, environment: dict[str, str], folder: Path) -> None:
-    write_ppm(folder / "view.ppm", shifted_pair(48, 64, 5)[0])
-    files = [folder / "view.ppm"] * 2 + [folder / "disparity.pgm"]
+    write_pair(folder, 48, 64, 5)
+    files = [folder / name for name in ("left.ppm", "right.ppm", "disparity.pgm")]
     subprocess.run([program, TINY_MODEL, *files], env=environment, check=True, capture_output=True)
     assert read_pgm16(folder / "disparity.pgm").shape == (48, 64)
 
@@ -233,10 +259,10 @@ def test_the_name_a_program_is_started_by_decides_nothing(static_program, tmp_pa
     foreign = tmp_path / "foreign"
     foreign.mkdir()
     compile_old_runtime(foreign / "libonnxruntime.so")
-    write_ppm(foreign / "view.ppm", shifted_pair(48, 64, 5)[0])
+    write_pair(foreign, 48, 64, 5)
     known = {"ENDOSDK_ORT_LIBRARY", "VIRTUAL_ENV", "LD_LIBRARY_PATH"}
     variables = {key: value for key, value in os.environ.items() if key not in known}
-    command = [name.format(foreign=foreign), str(TINY_MODEL), "view.ppm", "view.ppm", "disparity.pgm"]
+    command = [name.format(foreign=foreign), str(TINY_MODEL), "left.ppm", "right.ppm", "disparity.pgm"]
     beside = static_program.parent / "libonnxruntime.so"
     beside.symlink_to(c.runtime_library())
     try:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from endosdk.calibration.board import calibrate_board, find_corners, rectify_points, row_correlation, same_order
+from endosdk.calibration.board import (
+    calibrate_board,
+    calibrate_views,
+    find_corners,
+    rectify_points,
+    row_correlation,
+    same_order,
+)
+from endosdk.calibration.boards import Board, BoardView, find_view
+from endosdk.calibration.parameter_errors import NAMES
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
 from tests.rigs import fisheye_rig, raw_rig, rotation
@@ -103,3 +113,108 @@ def test_too_few_pairs_or_no_square_is_refused(count: int, square: float) -> Non
     left, right = corners_of(raw_rig())
     with pytest.raises(InvalidArgument):
         calibrate_board(left[:count], right[:count], PATTERN, square, (640, 480))
+
+
+def noisy_views(rig: StereoCalibration, sigma: float, seed: int) -> list[BoardView]:
+    rng = np.random.default_rng(seed)
+    shown = zip(*corners_of(rig), strict=True)
+    return [
+        BoardView(f"view {i}", board_points(), a + rng.normal(0, sigma, a.shape), b + rng.normal(0, sigma, b.shape))
+        for i, (a, b) in enumerate(shown)
+    ]
+
+
+def plain_rig() -> StereoCalibration:
+    coefficients = np.array([-0.2, 0.1, 0.001, -0.0007])
+    return raw_rig(left_distortion=coefficients, right_distortion=coefficients * 0.8)
+
+
+def test_stated_errors_are_those_of_repeated_calibrations() -> None:
+    """Corners with noise of 0.1 px, drawn again and again: each number strays as far as its standard error says."""
+    rig = plain_rig()
+    true = {"left fx": rig.left_matrix[0, 0], "right cx": rig.right_matrix[0, 2], "left k1": -0.2}
+    true |= {"translation x": rig.translation[0], "translation z": rig.translation[2]}
+    scores = []
+    for seed in range(8):
+        found = calibrate_views(noisy_views(rig, 0.1, seed), (rig.width, rig.height))
+        assert found.errors is not None and not found.refused
+        c, errors = found.calibration, found.errors.standard_errors
+        numbers = {"left fx": c.left_matrix[0, 0], "right cx": c.right_matrix[0, 2], "left k1": c.left_distortion[0]}
+        numbers |= {"translation x": c.translation[0], "translation z": c.translation[2]}
+        scores.append([(numbers[name] - true[name]) / errors[name] for name in true])
+        assert errors.keys() == set(NAMES)
+    assert 0.4 < float(np.mean(np.square(scores))) < 2.0
+
+
+def test_depth_errors_hold_against_the_true_rig() -> None:
+    """What the parameters' errors mean in mm: depths that noisy calibrations give to points of the true rig."""
+    rig = plain_rig()
+    point = np.array([[0.0, 0.0, 60.0]])
+    raw = pixels(rig, "left", point), pixels(rig, "right", point @ rig.rotation.T + rig.translation)
+    scores = []
+    for seed in range(6):
+        found = calibrate_views(noisy_views(rig, 0.1, 50 + seed), (rig.width, rig.height))
+        g = found.calibration.rectification()
+        a, b = rectify_points(found.calibration, *raw)
+        depth = g.focal_px * g.baseline_mm / (a[0, 0] - b[0, 0] + g.doffs)
+        true = (point @ g.R1.T)[0, 2]
+        assert found.errors is not None
+        middle, edge = found.errors.depth_mm[60.0]
+        assert edge > 0
+        near = found.errors.depth_mm[30.0][0]
+        assert near < found.errors.depth_mm[100.0][0]
+        scores.append((depth - true) / middle)
+    assert float(np.sqrt(np.mean(np.square(scores)))) < 2.5
+
+
+def test_views_that_do_not_fit_are_refused_one_by_one() -> None:
+    rig = plain_rig()
+    views = noisy_views(rig, 0.05, 1)
+    views += [replace(view, name=f"again {i}") for i, view in enumerate(noisy_views(rig, 0.05, 2))]
+    views[3] = replace(views[3], right=views[3].right + np.array([0.0, 6.0]))  # the pictures of two moments
+    views[8] = replace(views[8], left=views[8].left + np.linspace(0, 8, 54)[:, None])
+    found = calibrate_views(views, (rig.width, rig.height))
+    assert set(found.refused) == {"view 3", views[8].name}
+    assert "does not fit the others" in found.refused["view 3"]
+    assert found.reprojection_px < 0.1
+    assert found.view_px.keys() == {view.name for view in views} - found.refused.keys()
+    np.testing.assert_allclose(found.calibration.translation, rig.translation, atol=0.05)
+
+
+@pytest.mark.parametrize("marker_mm", [None, 2.2], ids=["chessboard", "charuco"])
+def test_a_printed_board_is_found_and_numbered(marker_mm: float | None) -> None:
+    board = Board((9, 6), 3.0, marker_mm)
+    picture = board.picture(10.0)
+    found = board.find(picture)
+    assert len(found) == 54
+    # The first corner lies two squares from the edge of the paper: one of margin, one of the board.
+    places = np.array([found[i] for i in range(54)]) / 10.0
+    gaps = np.linalg.norm(np.diff(places.reshape(6, 9, 2), axis=1), axis=2)
+    assert gaps == pytest.approx(3.0, abs=0.05)
+    if marker_mm is not None:
+        assert places == pytest.approx(board.points()[:, :2] + 6.0, abs=0.1)
+        part = np.full_like(picture, 255)
+        part[:, : picture.shape[1] // 2] = picture[:, : picture.shape[1] // 2]
+        assert 20 <= len(board.find(part)) < 40  # seen in part, and each corner keeps its number
+        assert all(np.linalg.norm(board.find(part)[i] - found[i]) < 1.0 for i in board.find(part))
+
+
+def test_a_view_says_why_it_is_none() -> None:
+    blank = np.full((300, 400), 128, np.uint8)
+    assert "no whole board in either view" in str(find_view(Board((9, 6), 3.0), "a", blank, blank))
+    board = Board((9, 6), 3.0, 2.2)
+    assert "0 of the same corners" in str(find_view(board, "a", board.picture(10.0), blank))
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"pattern": (2, 6)}, "pattern"),
+        ({"square_mm": 0.0}, "square_mm"),
+        ({"marker_mm": 3.5}, "marker_mm"),
+        ({"dictionary": "7X7"}, "dictionary"),
+    ],
+)
+def test_a_board_that_cannot_be_is_refused(changes: dict[str, object], word: str) -> None:
+    with pytest.raises(InvalidArgument, match=word):
+        Board(**({"pattern": (9, 6), "square_mm": 3.0} | changes))  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.accuracy.chessboard import SIZE, measure, read_corners
 from endosdk.calibration.board import row_correlation
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.io.pictures import read_frame
 
 # Pairs closer than this are at an endoscope's working distance; at 250 mm one corner's noise moves depth by 2 %.
@@ -22,7 +22,7 @@ NEAR_MM = 150
 def board(shared_data: Path) -> Path:
     folder = shared_data / "chessboard"
     if not folder.is_dir():
-        pytest.skip("the chessboard pairs are not on this machine")
+        pytest.skip("no chessboard pairs here: name the folder that holds them in ENDOSDK_SHARED_DATA")
     return folder
 
 
@@ -101,7 +101,7 @@ def test_folder_is_converted_from_the_command_line(
 def test_phantom_folder_with_its_own_direction(shared_data: Path) -> None:
     folder = shared_data / "hamlyn_phantom"
     if not folder.is_dir():
-        pytest.skip("the phantom pair is not on this machine")
+        pytest.skip("no phantom pair here: name the folder that holds it in ENDOSDK_SHARED_DATA")
     rig = StereoCalibration.load(folder, size=(360, 288))
     assert rig.baseline_mm == pytest.approx(5.521, abs=1e-3)
     assert rig.translation[0] == -5.520739
@@ -110,7 +110,7 @@ def test_phantom_folder_with_its_own_direction(shared_data: Path) -> None:
 def test_estimate_that_stores_height_before_width(shared_data: Path) -> None:
     path = shared_data / "scared_raw" / "calibration_estimate.json"
     if not path.is_file():
-        pytest.skip("the raw pair is not on this machine")
+        pytest.skip("no raw pair here: name the folder that holds it in ENDOSDK_SHARED_DATA")
     with pytest.raises(ValueError, match=r"\(height, width\)"):
         StereoCalibration.load(path)
     assert StereoCalibration.load(path, size=(1280, 1024)).baseline_mm == pytest.approx(3.345, abs=1e-3)

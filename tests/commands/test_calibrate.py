@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from endosdk import DepthEstimator
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.cli import main
+from endosdk.commands.cli import main
+from endosdk.runtime.models import shipped_models
 from tests.rigs import raw_rig
 
 
@@ -30,6 +34,25 @@ def test_convert_prints_what_a_person_checks(rig_file: Path, capsys: pytest.Capt
     ):
         assert part in shown
     assert raw_rig().sha256 in shown and "written" not in shown
+
+
+def test_convert_and_doctor_say_how_near_each_model_sees(rig_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["calibrate", "convert", str(rig_file)], ["doctor", "--calibration", str(rig_file)]):
+        assert main(words) == 0
+        shown = capsys.readouterr().out.splitlines()
+        rows = shown[shown.index("nearest     depth that each model sees on this rig:") + 1 :]
+        for name, row in zip(shipped_models(), rows, strict=False):
+            nearest = DepthEstimator(name, calibration=StereoCalibration.load(rig_file)).nearest_depth_mm
+            assert nearest is not None and row.split() == [name, str(math.ceil(nearest)), "mm"]
+
+
+def test_convert_says_so_where_no_runtime_is(
+    rig_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    assert main(["calibrate", "convert", str(rig_file)]) == 0
+    shown = capsys.readouterr().out
+    assert "depth of the shipped models is not known" in shown and "sha256" in shown
 
 
 def test_convert_writes_our_file_from_another_layout(tmp_path: Path) -> None:
@@ -109,9 +132,9 @@ def test_the_name_of_the_file_chooses_its_form(tmp_path: Path, rig_file: Path, n
     assert StereoCalibration.load(out).sha256 == raw_rig().sha256
 
 
-def test_pictures_of_two_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pair_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     left = picture_folder(tmp_path / "l", "1.png")
     right = picture_folder(tmp_path / "r", "1.png", size=(50, 80))
     words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
     assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
-    assert "pictures: must all have the size (80, 60)" in capsys.readouterr().err
+    assert "; the first picture's is (80, 60)" in capsys.readouterr().err

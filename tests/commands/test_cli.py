@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from endosdk import StereoCalibration, __version__
-from endosdk.cli import VERBS, main
+from endosdk.commands.cli import VERBS, main
 from tests.conftest import TINY_MODEL, shifted_pair
 
 
@@ -44,9 +44,9 @@ def test_predict_leaves_every_map(tmp_path, capsys):
         ]
     )
     assert status == 0
-    told = capsys.readouterr().out
-    assert "FPS" in told
-    assert "mm (median" in told
+    printed = capsys.readouterr().out
+    assert "FPS" in printed
+    assert "mm (median" in printed
     depth = cv2.imread(str(tmp_path / "out" / "depth.png"), cv2.IMREAD_UNCHANGED)
     assert depth.dtype == np.uint16
     assert np.median(depth[depth > 0]) / 10 == pytest.approx(1000 / 12, abs=1)
@@ -65,7 +65,7 @@ def test_unrectified_pair_is_called_out(tmp_path, capsys):
     assert "not rectified" in capsys.readouterr().out
 
 
-def test_a_row_offset_is_in_pixels_of_the_frame(tmp_path, capsys):
+def test_vertical_disparity_is_in_pixels_of_the_frame(tmp_path, capsys):
     left, right = shifted_pair(480, 640, 12)
     right = np.roll(right, 3, axis=0)
     pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
@@ -86,21 +86,21 @@ def test_an_interrupt_is_no_traceback(monkeypatch, capsys):
 
 
 def test_a_reader_that_goes_away_is_no_traceback():
-    program = "import sys; from endosdk.cli import main; sys.exit(main(['doctor']))"
+    program = "import sys; from endosdk.commands.cli import main; sys.exit(main(['doctor']))"
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as doctor:
         doctor.stdout.close()
-        told = doctor.stderr.read()
+        printed = doctor.stderr.read()
         assert doctor.wait(timeout=60) == 141
-    assert b"Traceback" not in told and b"BrokenPipe" not in told
+    assert b"Traceback" not in printed and b"BrokenPipe" not in printed
 
 
 def test_bad_input_is_one_line_and_status_2(tmp_path, capsys):
     left, _ = shifted_pair(32, 64, 2)
     path = write(tmp_path / "l.png", left)
     assert main(["predict", path, str(tmp_path / "missing.png"), "--model", str(TINY_MODEL)]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("endosdk predict: frame: must be there")
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("endosdk predict: frame: must be there")
+    assert printed.count("\n") == 1
 
 
 def test_bad_size_is_refused(tmp_path, capsys):
@@ -112,13 +112,15 @@ def test_bad_size_is_refused(tmp_path, capsys):
 
 def test_doctor_is_content_with_this_installation(capsys):
     assert main(["doctor"]) == 0
-    told = capsys.readouterr().out
-    assert "telemetry off" in told
-    assert "CPUExecutionProvider" in told
+    printed = capsys.readouterr().out
+    assert "telemetry off" in printed
+    assert "CPUExecutionProvider" in printed
 
 
 def test_installed_entry_point_runs():
     done = subprocess.run(
-        [sys.executable, "-c", "from endosdk.cli import main; main(['--version'])"], capture_output=True, text=True
+        [sys.executable, "-c", "from endosdk.commands.cli import main; main(['--version'])"],
+        capture_output=True,
+        text=True,
     )
     assert __version__ in done.stdout

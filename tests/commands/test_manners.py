@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from endosdk import StereoCalibration
-from endosdk.cli import VERBS, build_parser, main
+from endosdk.commands.cli import VERBS, build_parser, main
 from endosdk.errors import DependencyMissing, extra_of, install_command
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
@@ -100,10 +100,10 @@ def test_predict_says_the_same_in_json(pair, tmp_path, capsys):
 
 def test_an_error_is_json_too(pair, capsys):
     assert main(["predict", pair[0], "missing.png", "--model", str(TINY_MODEL), "--json"]) == 2
-    told = capsys.readouterr()
-    error = json.loads(told.out)["error"]
+    printed = capsys.readouterr()
+    error = json.loads(printed.out)["error"]
     assert error["code"] == "INVALID_ARGUMENT" and error["argument"] == "frame"
-    assert "missing.png" in told.err
+    assert "missing.png" in printed.err
 
 
 def test_doctor_and_calibrate_speak_json(tmp_path, capsys):
@@ -151,7 +151,7 @@ class NoTorch:
         if name.partition(".")[0] == "torch":
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, NoTorch())
-from endosdk.cli import main
+from endosdk.commands.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -220,9 +220,9 @@ def test_doctor_sees_packages_that_overwrite_each_other(capsys, monkeypatch, tmp
     (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: opencv-python\nVersion: 4.10.0\n")
     monkeypatch.syspath_prepend(tmp_path)
     assert main(["doctor"]) == 1
-    told = capsys.readouterr().out
-    assert "PROBLEM      opencv-python and opencv-python-headless overwrite each other's files" in told
-    assert "all well" not in told
+    printed = capsys.readouterr().out
+    assert "PROBLEM      opencv-python and opencv-python-headless overwrite each other's files" in printed
+    assert "all well" not in printed
 
 
 def test_a_calibration_that_does_not_fit_is_called_that(tmp_path, capsys):
@@ -233,5 +233,5 @@ def test_a_calibration_that_does_not_fit_is_called_that(tmp_path, capsys):
     StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(320, 240)).save(tmp_path / "rig.json")
     words = [*files, "--model", str(TINY_MODEL), "--frames", "0", "--out", str(tmp_path / "out")]
     main(["predict", *words, "--calibration", str(tmp_path / "rig.json")])
-    told = capsys.readouterr().out
-    assert "the calibration does not fit these pictures" in told and "give --calibration" not in told
+    printed = capsys.readouterr().out
+    assert "the calibration does not fit these pictures" in printed and "give --calibration" not in printed

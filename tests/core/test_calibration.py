@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from endosdk import _core
-from tests import reference
 from tests.core_rigs import Rig, random_rig, rotation
+from tests.reference import resampling
 
 SIZE = (960, 720)
 LENSES = [("pinhole", 0), ("pinhole", 4), ("pinhole", 5), ("pinhole", 8), ("fisheye", 4)]
@@ -51,7 +51,7 @@ def test_maps_equal_opencv_and_twin(model: str, coefficients: int) -> None:
     else:
         lens = rig.D1 if rig.D1.size else np.zeros(4)
         expected = cv2.initUndistortRectifyMap(rig.K1, lens, R1, P1, SIZE, cv2.CV_32FC1)
-    twin = reference.source_map(model, rig.K1, rig.D1, R1, P1, SIZE)
+    twin = resampling.source_map(model, rig.K1, rig.D1, R1, P1, SIZE)
     for axis, ours in enumerate((map_x, map_y)):
         assert ours.dtype == np.float32
         np.testing.assert_allclose(ours, expected[axis], rtol=0, atol=1e-3)

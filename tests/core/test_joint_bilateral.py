@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from endosdk import _core
-from tests import reference
 from tests.core_rigs import every_isa
+from tests.reference import postprocess, resampling
 
 pytestmark = pytest.mark.usefixtures("restored_settings")
 
@@ -49,7 +49,7 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
     _core.set_isa(isa)
     _core.set_threads(threads)
     found = upsampled(*pair)
-    np.testing.assert_allclose(found, reference.joint_bilateral_upsampling(*pair), rtol=2e-6)
+    np.testing.assert_allclose(found, postprocess.joint_bilateral_upsampling(*pair), rtol=2e-6)
     _core.set_isa("plain")
     _core.set_threads(1)
     np.testing.assert_array_equal(found, upsampled(*pair))
@@ -62,7 +62,7 @@ def test_extreme_confidences_and_what_is_no_number(isa: str) -> None:
     confidence[0, :5] = [0.0, 1.0, np.nan, -1.0, 2.0]
     np.testing.assert_allclose(
         upsampled(disparity, confidence, view),
-        reference.joint_bilateral_upsampling(disparity, confidence, view),
+        postprocess.joint_bilateral_upsampling(disparity, confidence, view),
         rtol=2e-6,
     )
     disparity[4, 20] = np.nan
@@ -105,7 +105,7 @@ def test_a_constant_stays_and_views_without_a_whole_number_of_pixels_a_cell_are_
     np.testing.assert_allclose(upsampled(constant, confidence, view), 12.5, rtol=3e-6)
     confidence = np.full((10, 20), 0.7, np.float32)
     slanted = np.add.outer(np.zeros(10), np.arange(20.0)).astype(np.float32)
-    twin = reference.resize_bilinear(slanted, 30, 50, 20 / 50, 20 / 50, 1.0)
+    twin = resampling.resize_bilinear(slanted, 30, 50, 20 / 50, 20 / 50, 1.0)
     np.testing.assert_allclose(upsampled(slanted, confidence, view), twin, rtol=1e-5, atol=1e-5)
 
 
@@ -114,8 +114,8 @@ def test_the_output_may_be_larger_than_the_view() -> None:
     out = maps(96, 160)
     scales = {"scale": (1 / 8, 1 / 8), "view_scale": (0.25, 0.25), "gain": 4.0}
     _core.postprocess({"disparity": disparity, "confidence": confidence, "left": view} | scales, out)
-    fine = reference.joint_bilateral_upsampling(disparity, confidence, view)
-    np.testing.assert_allclose(out["disparity"], reference.resize_bilinear(fine, 96, 160, 0.25, 0.25, 4.0), rtol=1e-5)
+    fine = postprocess.joint_bilateral_upsampling(disparity, confidence, view)
+    np.testing.assert_allclose(out["disparity"], resampling.resize_bilinear(fine, 96, 160, 0.25, 0.25, 4.0), rtol=1e-5)
     np.testing.assert_allclose(
-        out["confidence"], reference.resize_bilinear(confidence, 96, 160, 1 / 8, 1 / 8, 1.0), rtol=1e-5
+        out["confidence"], resampling.resize_bilinear(confidence, 96, 160, 1 / 8, 1 / 8, 1.0), rtol=1e-5
     )

@@ -7,8 +7,8 @@ import pytest
 
 import endosdk
 from endosdk import _core
-from tests import reference
 from tests.conftest import TINY_MODEL, shifted_pair
+from tests.reference import matched_views, resampling
 from tests.rigs import raw_rig
 
 
@@ -26,21 +26,20 @@ def confidence_of(
     right: np.ndarray,
     height: int,
     width: int,
-    same_frames: bool = False,
 ) -> np.ndarray:
     """The confidence map of a frame that the network saw as it is, at the resolution of the grids' cells."""
     stride = left.shape[2] // disparity.shape[1]
     shape = (height, width)
     maps = [np.empty(shape, np.float32), np.empty(shape, np.float32), np.empty(shape, np.uint8)]
     fields = {"disparity": disparity, "confidence": confidence, "scale": (1 / stride, 1 / stride)}
-    views = {"left": left, "right": right, "same_frames": same_frames}
+    views = {"left": left, "right": right}
     _core.postprocess(fields | views, dict(zip(("disparity", "confidence", "reasons"), maps, strict=True)))
     return maps[1]
 
 
 def padded(frame: np.ndarray, multiple: int) -> np.ndarray:
     height, width = (-(-side // multiple) * multiple for side in frame.shape[:2])
-    return np.ascontiguousarray(reference.planar(frame, "rgb", height, width))
+    return np.ascontiguousarray(resampling.planar(frame, "rgb", height, width))
 
 
 @pytest.mark.parametrize("threads", [1, 3])
@@ -58,18 +57,16 @@ def test_equals_twin(height, width, stride, threads):
     wild = rng.choice(disparity.size, min(disparity.size, 5), replace=False)
     disparity.reshape(-1)[wild] = [np.nan, np.inf, -np.inf, -3.0, 1e9][: len(wild)]
     confidence = rng.uniform(0.2, 1, grid).astype(np.float32)
-    expected, _ = reference.supported_confidence(disparity, confidence, *views, height, width)
+    expected, _ = matched_views.supported_confidence(disparity, confidence, *views, height, width)
     _core.set_threads(threads)
     seen = confidence_of(disparity, confidence, *views, height, width)
-    twin = reference.resize_bilinear(expected, height, width, 1 / stride, 1 / stride, 1.0)
-    np.testing.assert_allclose(seen, twin, atol=1e-5)
+    twin = resampling.resize_bilinear(expected, height, width, 1 / stride, 1 / stride, 1.0)
+    np.testing.assert_allclose(seen, twin, atol=1e-3)  # variances are small differences of large float32
     if height > 16:
         assert 0.05 < np.mean(expected == 0) < 0.95
 
 
-@pytest.mark.parametrize(
-    "wrong", ["another moment", "covered", "swapped", "misaligned", "black", "noise", "twice the left"]
-)
+@pytest.mark.parametrize("wrong", ["another moment", "covered", "swapped", "misaligned", "black", "noise"])
 def test_views_that_do_not_belong_together_have_no_answer(wrong):
     left, right = shifted_pair(180, 240, 9)
     rng = np.random.default_rng(1)
@@ -81,31 +78,35 @@ def test_views_that_do_not_belong_together_have_no_answer(wrong):
         left, right = right, left
     elif wrong == "misaligned":
         right = np.roll(right, 25, axis=0)
-    elif wrong == "twice the left":
-        right = left
     elif wrong == "black":
         left[:], right[:] = 0, 0
     else:
         left, right = rng.integers(0, 256, (2, *left.shape)).astype(np.uint8)
     views = padded(left, 8), padded(right, 8)
-    disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 0 if right is left else 9, np.float32)
+    disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 9, np.float32)
     confidence = np.ones_like(disparity)
-    seen = confidence_of(disparity, confidence, *views, 180, 240, same_frames=_core.same_pixels(left, right))
+    seen = confidence_of(disparity, confidence, *views, 180, 240)
     assert np.mean(seen > 0) < 0.05
 
 
-def test_same_pixels_knows_the_frame_from_one_that_differs_in_a_byte():
-    left, _ = shifted_pair(40, 60, 9)
-    wide = np.zeros((40, 80, 3), np.uint8)
-    wide[:, :60] = left
-    assert _core.same_pixels(left, left.copy())
-    assert _core.same_pixels(left, wide[:, :60])  # another row pitch
-    assert not _core.same_pixels(left, left[:, :59])
-    assert not _core.same_pixels(left, np.ascontiguousarray(left[..., 0]))
-    for row, column in ((0, 0), (39, 59), (20, 30)):
-        other = left.copy()
-        other[row, column, 2] ^= 1
-        assert not _core.same_pixels(left, other)
+def test_one_view_is_known_though_a_bit_or_some_noise_differs():
+    left, _ = shifted_pair(120, 200, 9)
+    wide = np.zeros((120, 260, 3), np.uint8)
+    wide[:, :200] = left
+    apart = _core.displacement_of_frames
+    assert apart(left, left.copy()) == 0
+    assert apart(left, wide[:, :200]) == 0  # another row pitch
+    assert apart(left, left[:, :199]) == np.inf
+    assert apart(left, np.ascontiguousarray(left[..., 0])) == np.inf
+    assert apart(np.full_like(left, 7), left) == np.inf
+    assert np.isnan(apart(np.full_like(left, 7), np.full_like(left, 7)))
+    other = left.copy()
+    other[::7, ::5] ^= 1
+    noise = np.random.default_rng(0).normal(0, 8, left.shape)
+    for one in (other, np.clip(left + noise, 0, 255).astype(np.uint8), (left * 0.98 + 3).astype(np.uint8)):
+        assert 0 <= apart(left, one) < _core.displacement_of_one_view
+    for moved in (1, 2, 9, 40):
+        assert apart(left, shifted_pair(120, 200, moved)[1]) > _core.displacement_of_one_view
 
 
 def test_exposure_and_colour_of_a_camera_do_not_matter():
@@ -115,7 +116,43 @@ def test_exposure_and_colour_of_a_camera_do_not_matter():
     views = padded(left, 8), padded(right, 8)
     disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 9, np.float32)
     seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
-    assert np.all(seen == 1)
+    assert np.mean(seen == 1) > 0.95
+
+
+def spoilt(view: np.ndarray, levels: float, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.clip(view + rng.normal(0, levels, view.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("levels", [4, 8, 12])
+def test_noise_does_not_take_the_answer_from_a_right_pair(levels):
+    pair = shifted_pair(180, 240, 9)
+    views = [padded(spoilt(view, levels, seed), 8) for seed, view in enumerate(pair)]
+    disparity = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
+    seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
+    assert np.mean(seen[:, 12:] > 0.5) > 0.97
+
+
+def test_flat_surfaces_keep_their_confidence():
+    left, right = shifted_pair(180, 240, 9)
+    left[60:120, 80:160], right[60:120, 71:151] = 90, 90
+    views = padded(spoilt(left, 3, 1), 8), padded(spoilt(right, 3, 2), 8)
+    disparity = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
+    seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
+    assert seen[75:105, 95:145].min() > 0.5
+
+
+def test_wrong_disparities_lose_their_confidence_pixel_by_pixel():
+    left, right = shifted_pair(180, 240, 9)
+    views = padded(left, 8), padded(right, 8)
+    disparity = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
+    disparity[40:60, 60:90] = 25
+    seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
+    wrong = seen[80:120, 120:180]
+    assert np.mean(wrong > 0.5) < 0.4
+    right_ones = np.ones(seen.shape, bool)
+    right_ones[70:130, 110:190] = False
+    assert np.mean(seen[right_ones] > 0.5) > 0.97
 
 
 def test_a_right_view_of_another_shape_is_refused():

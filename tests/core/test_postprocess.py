@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from endosdk import _core
+from endosdk._core import Reason
 from endosdk.errors import InvalidArgument
-from tests import reference
 from tests.core_rigs import every_isa
+from tests.reference import postprocess, resampling
 
 pytestmark = pytest.mark.usefixtures("restored_settings")
 
@@ -98,7 +99,7 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
 def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], options: dict) -> None:
     for name, source, gain in (("disparity", frame.disparity, frame.stride), ("confidence", frame.confidence, 1.0)):
         with np.errstate(invalid="ignore"):
-            twin = reference.resize_bilinear(source, *frame.size, 1 / frame.stride, 1 / frame.stride, gain)
+            twin = resampling.resize_bilinear(source, *frame.size, 1 / frame.stride, 1 / frame.stride, gain)
         numbers = np.isfinite(twin)
         np.testing.assert_allclose(out[name][numbers], twin[numbers], rtol=2e-4, atol=1e-4)
         assert not np.isfinite(out[name][~numbers]).any()
@@ -107,7 +108,7 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
     doffs = options.get("doffs", 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.float32(FOCAL * BASELINE) / (out["disparity"] + np.float32(doffs))
-        bits = reference.reasons(
+        bits = postprocess.reasons(
             out["disparity"],
             out["confidence"],
             min_confidence=0.4,
@@ -116,6 +117,7 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
             depth=depth if metric else None,
             depth_range=(options.get("min_depth_mm", 0.0), options.get("max_depth_mm", np.inf)),
             doffs=doffs,
+            disparity_begin=_core.range_margin * frame.stride,
             disparity_end=(options.get("max_candidate_disparity", np.inf) - 0.5) * frame.stride,
         )
     np.testing.assert_array_equal(out["reasons"], bits)
@@ -125,7 +127,7 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
     good = bits == 0
     np.testing.assert_array_equal(out["depth"][good], depth[good])
     assert np.isnan(out["depth"][~good]).all()
-    expected = reference.sigma(
+    expected = postprocess.sigma(
         depth[good].astype(float), out["confidence"][good], focal_baseline=FOCAL * BASELINE, gain=frame.stride
     )
     np.testing.assert_allclose(out["sigma"][good], expected, rtol=2e-6)
@@ -150,7 +152,7 @@ def test_sigma_over_the_whole_range_of_confidence(isa: str) -> None:
     frame = Frame(np.full_like(confidence, 5), confidence, confidence.shape, 1.0)
     usable, out = frame.run(min_confidence=0.0, focal_px=FOCAL, baseline_mm=BASELINE)
     assert usable == confidence.size - 5  # the first five matches lie left of the right view
-    expected = reference.sigma(
+    expected = postprocess.sigma(
         np.float64(FOCAL * BASELINE / 5), confidence[:, 5:], focal_baseline=FOCAL * BASELINE, gain=1.0
     )
     np.testing.assert_allclose(out["sigma"][:, 5:], expected, rtol=2e-6)
@@ -162,8 +164,8 @@ def test_hand_computed_pixel() -> None:
     assert usable == 12
     assert out["reasons"][0].tolist() == [4] * 8 + [0] * 12
     assert out["depth"][0, 19] == pytest.approx(400.0)
-    # 400^2 / 4000 mm per px, times sqrt(2) / ln 2 px
-    assert out["sigma"][0, 19] == pytest.approx(40 * np.sqrt(2) / np.log(2), rel=1e-6)
+    # 400^2 / 4000 mm per px, times 1 / ln 2 px
+    assert out["sigma"][0, 19] == pytest.approx(40 / np.log(2), rel=1e-6)
 
 
 @every_isa
@@ -176,7 +178,7 @@ def test_nothing_is_found_from_half_a_pixel_before_the_end_of_the_range_on(isa: 
     reached = network_px >= 11.5
     for max_candidate_disparity, expected in ((12.0, reached), (0.0, np.zeros_like(reached))):
         _, out = frame.run(max_candidate_disparity=max_candidate_disparity, **options)
-        np.testing.assert_array_equal((out["reasons"] & reference.OUT_OF_RANGE) != 0, expected)
+        np.testing.assert_array_equal((out["reasons"] & Reason.OUT_OF_RANGE) != 0, expected)
 
 
 def test_the_max_candidate_disparity_is_in_pixels_of_the_network() -> None:
@@ -210,8 +212,8 @@ METRIC = {"out": {"depth": full((8, 12))}, "focal_px": 100.0, "baseline_mm": 5.0
         ({"disparity": full((0, 3))}, "disparity: must not be empty"),
         ({"confidence": full((2, 4))}, "confidence: must have the size of disparity; got 4x2"),
         ({"out": {"disparity": full((8, 0))}}, "out"),
-        ({"out": {"confidence": full((8, 11))}}, "out confidence: must be of shape (8, 12); got (8, 11)"),
-        ({"out": {"reasons": full((8, 12))}}, "out reasons: must be uint8; got float32"),
+        ({"out": {"confidence": full((8, 11))}}, "confidence: must be of shape (8, 12); got (8, 11)"),
+        ({"out": {"reasons": full((8, 12))}}, "reasons: must be uint8; got float32"),
         ({"left": full((3, 7, 12), np.uint8)}, "image: must be at least 12x8; got 12x7"),
         ({"left": full((8, 12, 3), np.uint8)}, "left: must have shape [3, height, width]"),
         ({"valid_left": full((8, 11), np.uint8)}, "valid_left: must be of shape (8, 12)"),
@@ -226,7 +228,7 @@ METRIC = {"out": {"depth": full((8, 12))}, "focal_px": 100.0, "baseline_mm": 5.0
         (METRIC | {"doffs": np.nan}, "doffs: must be finite"),
         (METRIC | {"min_depth_mm": -1.0}, "min_depth_mm: must be finite and not negative"),
         (METRIC | {"min_depth_mm": 5.0, "max_depth_mm": 5.0}, "max_depth_mm: must be greater than min_depth_mm"),
-        (METRIC | {"out": {"depth": full((8, 12), np.float64)}}, "out depth: must be float32"),
+        (METRIC | {"out": {"depth": full((8, 12), np.float64)}}, "depth: must be float32"),
     ],
 )
 def test_bad_arguments_are_named(change: dict, message: str) -> None:

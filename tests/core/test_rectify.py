@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from endosdk import _core
-from tests import reference
 from tests.conftest import textured_picture
 from tests.core_rigs import Rig, every_isa, random_rig
+from tests.reference import resampling
 
 pytestmark = pytest.mark.usefixtures("restored_settings")
 
@@ -51,10 +51,10 @@ def test_rectify_equals_opencv_and_twin(isa: str, order: str, model: str, coeffi
     for frame, view, result in zip(frames, rig.views(alpha), ours, strict=True):
         map_x, map_y = _core.undistort_map(*view, width, height)
         opencv = cv2.remap(frame, map_x, map_y, cv2.INTER_LINEAR)
-        assert_close(result, reference.planar(opencv, order, height, width))
-        twin_map = reference.source_map(*view, (width, height))
-        twin = reference.remap(frame.reshape(height, width, -1), *twin_map)
-        assert_close(result, reference.planar(twin, order, height, width))
+        assert_close(result, resampling.planar(opencv, order, height, width))
+        twin_map = resampling.source_map(*view, (width, height))
+        twin = resampling.remap(frame.reshape(height, width, -1), *twin_map)
+        assert_close(result, resampling.planar(twin, order, height, width))
 
 
 @every_isa
@@ -78,9 +78,9 @@ def test_sets_threads_and_odd_sizes_agree(isa: str, threads: int, order: str, si
     ours = rectify(rectifier, *frames, order, height + 6, width + 7)
     np.testing.assert_array_equal(ours, expected)
     for frame, view, result in zip(frames, views, ours, strict=True):
-        twin_map = reference.source_map(*view, (width + 2, height + 1))
-        twin = reference.remap(frame.reshape(height, width, -1), *twin_map)
-        difference = np.abs(result - reference.planar(twin, order, height + 6, width + 7))
+        twin_map = resampling.source_map(*view, (width + 2, height + 1))
+        twin = resampling.remap(frame.reshape(height, width, -1), *twin_map)
+        difference = np.abs(result - resampling.planar(twin, order, height + 6, width + 7))
         assert np.mean(difference <= 1.0) >= 0.98
         assert difference.max() <= 4
 
@@ -115,7 +115,7 @@ def test_valid_masks_tell_where_the_source_lies_inside() -> None:
     rig = random_rig(6)
     rectifier = rig.rectifier(0.7)
     for mask, view in zip((rectifier.valid_left, rectifier.valid_right), rig.views(0.7), strict=True):
-        twin = reference.valid_mask(*reference.source_map(*view, rig.size), *rig.size)
+        twin = resampling.valid_mask(*resampling.source_map(*view, rig.size), *rig.size)
         assert mask.dtype == np.uint8
         np.testing.assert_array_equal(mask, twin)
         assert 0 < mask.mean() < 1
@@ -147,7 +147,7 @@ def test_pack_equals_twin(isa: str, threads: int, order: str, size: tuple[int, i
     out = np.full((2, 3, size[1] + 5, size[0] + 3), 77, np.uint8)
     _core.pack(strided, right, out[0], out[1], order)
     for frame, result in zip((left, right), out, strict=True):
-        np.testing.assert_array_equal(result, reference.planar(frame, order, size[1] + 5, size[0] + 3))
+        np.testing.assert_array_equal(result, resampling.planar(frame, order, size[1] + 5, size[0] + 3))
 
 
 def test_gray_may_have_a_channel_axis() -> None:
@@ -263,12 +263,12 @@ def test_a_much_smaller_picture_is_made_of_the_mean_of_blocks(
     ]
     ours = rectify(_core.Rectifier(width, height, *out_size, *small), *frames, order, out_size[1], out_size[0])
     for frame, (model, matrix, *rest), result in zip(frames, small, ours, strict=True):
-        reduced = reference.reduce(frame.reshape(height, width, -1), factor)
+        reduced = resampling.reduce(frame.reshape(height, width, -1), factor)
         matrix = matrix / [[factor], [factor], [1]]
         matrix[:2, 2] -= 0.5 * (factor - 1) / factor  # the first pixel lies in the middle of the first block
-        twin_map = reference.source_map(model, matrix, *rest, out_size)
-        twin = reference.remap(reduced, *twin_map, whole=(width / factor, height / factor))
-        assert_close(result, reference.planar(twin, order, out_size[1], out_size[0]))
+        twin_map = resampling.source_map(model, matrix, *rest, out_size)
+        twin = resampling.remap(reduced, *twin_map, whole=(width / factor, height / factor))
+        assert_close(result, resampling.planar(twin, order, out_size[1], out_size[0]))
 
 
 @every_isa

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from endosdk import _core
-from tests import reference
 from tests.core_rigs import every_isa
+from tests.reference import resampling
 
 pytestmark = pytest.mark.usefixtures("restored_settings")
 
@@ -47,7 +47,7 @@ def test_equals_torch_and_twin(isa: str, threads: int, source_size: tuple[int, i
         torch.from_numpy(source)[None, None], size=full, mode="bilinear", align_corners=False
     )
     np.testing.assert_allclose(ours, theirs[0, 0].numpy(), rtol=1e-5, atol=0)
-    twin = reference.resize_bilinear(source, *full, source_size[0] / full[0], source_size[1] / full[1], 1.0)
+    twin = resampling.resize_bilinear(source, *full, source_size[0] / full[0], source_size[1] / full[1], 1.0)
     np.testing.assert_allclose(ours, twin, rtol=1e-4, atol=0)
     _core.set_isa("plain")
     _core.set_threads(1)

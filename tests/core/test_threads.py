@@ -189,9 +189,9 @@ def public(names: list[str]) -> set[str]:
 
 def test_the_stub_names_everything_in_the_module() -> None:
     body = ast.parse(STUB.read_text()).body
-    assert names_of(body) == public(dir(_core))
+    assert public(sorted(names_of(body))) == public(dir(_core))
     for node in body:
-        if not isinstance(node, ast.ClassDef):
+        if not isinstance(node, ast.ClassDef) or node.name.startswith("_"):  # a type that only the stub knows
             continue
         kind = getattr(_core, node.name)
         if issubclass(kind, enum.Enum):

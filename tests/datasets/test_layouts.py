@@ -319,7 +319,9 @@ def test_scared_truth_that_is_no_point_map_is_named(tmp_path):
 
 
 def test_unknown_layout_and_views_of_unequal_size_are_refused(tmp_path):
-    with pytest.raises(InvalidArgument, match="layout: must be one of endosdk, kitti, middlebury, scared, servct"):
+    with pytest.raises(
+        InvalidArgument, match="layout: must be one of endosdk, kitti, middlebury, plain, scared, servct"
+    ):
         open_dataset(tmp_path, "train", layout="nuscenes")
     write_kitti(tmp_path, "2015")
     save(tmp_path / "training/image_3/000003_10.png", views()[1][:-2])
@@ -343,3 +345,40 @@ def test_usual_split_is_the_one_with_truth():
         "test",
         "test",
     ]
+
+
+# Plain folders
+
+
+def write_plain(folder: Path, mask=True):
+    left, right = views()
+    save(folder / "left.png", left)
+    save(folder / "right.png", right)
+    save(folder / "disparity.png", as_16bit(truth_map()))
+    if mask:
+        seen = np.full((HEIGHT, WIDTH), 255, np.uint8)
+        seen[:, :4] = 0
+        save(folder / "nonoccluded.png", seen)
+
+
+@pytest.mark.parametrize("mask", [True, False])
+def test_plain_folders_give_truth_and_no_camera(tmp_path, mask):
+    write_plain(tmp_path / "Aloe", mask)
+    write_plain(tmp_path / "Baby1", mask)
+    reader = open_dataset(tmp_path, default_split("plain"), layout="plain")
+    assert reader.ids == ("Aloe", "Baby1")
+    sample = reader[0]
+    assert np.array_equal(sample.left, views()[0]) and np.array_equal(sample.right, views()[1])
+    assert np.array_equal(sample.disparity, truth_map(), equal_nan=True)
+    assert not sample.has_camera
+    if mask:
+        assert sample.occlusion[:, :4].all() and not sample.occlusion[:, 4:].any()
+    else:
+        assert sample.occlusion is None
+
+
+def test_a_plain_mask_of_another_size_is_named(tmp_path):
+    write_plain(tmp_path / "Aloe")
+    save(tmp_path / "Aloe/nonoccluded.png", np.zeros((3, 4), np.uint8))
+    with pytest.raises(DatasetInvalid, match=r"nonoccluded\.png must be as large as the truth"):
+        open_dataset(tmp_path, "test", layout="plain")[0]

@@ -33,6 +33,11 @@ def test_every_requirement_has_a_test_that_exists(requirement):
     assert missing_tests(requirement) == []
 
 
+@pytest.mark.parametrize("finding", requirements_page.findings(), ids=lambda entry: entry["text"][:40])
+def test_every_finding_has_a_test_that_exists(finding):
+    assert missing_tests({"id": finding["text"], "python": finding["tests"], "c": []}) == []
+
+
 def test_a_requirement_without_a_test_is_found():
     assert missing_tests({"id": "X-1", "python": [], "c": []}) == ["X-1 has no test"]
     gone = "tests/documents/test_requirements.py::test_of_yesterday"

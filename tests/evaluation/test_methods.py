@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from endosdk import errors
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method
 from endosdk.io.pictures import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair
-from tests.datasets.test_layouts import write_middlebury
+from tests.datasets.test_layouts import as_16bit, save, write_middlebury
 
 SHIFTS = (6, 12, 18)
 
@@ -52,14 +52,14 @@ def test_worst_pairs_come_first(planes):
     assert [entry["id"] for entry in scores["worst"]] == ["018", "012", "006"]
 
 
-def test_a_model_and_the_rival_on_the_same_planes(planes):
+def test_a_model_and_block_matching_on_the_same_planes(planes):
     reader = open_dataset(planes, "test")
     ours = evaluate(estimator_method(str(TINY_MODEL)), reader)
-    rival = evaluate(sgbm_method(filled=True), reader)
+    sgbm = evaluate(sgbm_method(filled=True), reader)
     sparse = evaluate(sgbm_method(filled=False), reader, pairs=2)
     assert ours["non_occluded"]["epe_px"] < 1.0
-    assert ours["all"]["coverage"] == rival["all"]["coverage"] == 1.0
-    assert rival["non_occluded"]["epe_px"] < 1.0
+    assert ours["all"]["coverage"] == sgbm["all"]["coverage"] == 1.0
+    assert sgbm["non_occluded"]["epe_px"] < 1.0
     assert sparse["pairs"] == 2
     assert sparse["all"]["coverage"] < 1.0
 
@@ -91,17 +91,17 @@ def test_a_set_without_truth_is_named(tmp_path, capsys):
 def test_a_region_in_which_no_pixel_counts_is_told(tmp_path, capsys):
     flat_set(tmp_path, 8.0, True)
     assert main(["evaluate", "--model", "sgbm", "--data", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "non_occluded  no pixel counted: 0 with truth" in told
-    assert "all           EPE" in told
+    printed = capsys.readouterr().out
+    assert "non_occluded  no pixel counted: 0 with truth" in printed
+    assert "all           EPE" in printed
 
 
 def test_command_prints_and_writes(planes, tmp_path, capsys):
     out = tmp_path / "new" / "scores"
     assert main(["evaluate", "--model", str(TINY_MODEL), "--data", str(planes), "--out", str(out)]) == 0
-    told = capsys.readouterr()
-    assert "EPE" in told.out
-    assert told.err == ""  # no terminal, no progress bar
+    printed = capsys.readouterr()
+    assert "EPE" in printed.out
+    assert printed.err == ""  # no terminal, no progress bar
     record = json.loads((out / "scores.json").read_text())
     assert record["scores"]["pairs"] == 3
     assert record["data"]["sha256"] == open_dataset(planes, "test").sha256
@@ -129,7 +129,7 @@ def test_record_repeats_the_run_and_names_the_model(planes, tmp_path):
 
 
 @pytest.mark.parametrize(("option", "value"), [("--network-size", "64x64"), ("--provider", "cuda"), ("--threads", "1")])
-def test_what_the_rival_has_no_use_for_is_refused(option, value, planes, capsys):
+def test_what_block_matching_has_no_use_for_is_refused(option, value, planes, capsys):
     assert main(["evaluate", "--model", "sgbm", "--data", str(planes), option, value]) == 2
     name = option[2:].replace("-", "_")
     assert f"{name}: is for models; leave it out with sgbm; got {value}" in capsys.readouterr().err
@@ -164,3 +164,33 @@ def test_perfect_pair_ranks_last_and_silent_pair_first(planes):
         (reader.ids[2], 1.0),
         (reader.ids[0], 0.0),
     ]
+
+
+def test_parts_in_range_and_valid_are_those_of_the_estimator(planes):
+    scores = evaluate(estimator_method(str(TINY_MODEL), network_size=(64, 24)), open_dataset(planes, "test"))
+    assert scores["in_range"]["share"] == 1.0  # the tiny model ends at 31 px of the network
+    halved = evaluate(estimator_method(str(TINY_MODEL), network_size=(512, 192)), open_dataset(planes, "test"))
+    assert halved["in_range"]["share"] == pytest.approx(
+        2 / 3
+    )  # 15.25 px of the frame: 6 and 12 are in range, 18 is not
+    assert 0.5 < scores["valid"]["share"] < 1.0
+    assert scores["valid"]["kpe_3"] <= scores["all"]["kpe_3"]
+    assert scores["edges"]["pixels"] == 0
+    filled = evaluate(sgbm_method(filled=True), open_dataset(planes, "test"))
+    sparse = evaluate(sgbm_method(filled=False), open_dataset(planes, "test"))
+    assert filled["valid"]["share"] == sparse["all"]["coverage"] < filled["all"]["coverage"]
+    assert filled["in_range"]["share"] == 1.0
+
+
+def test_pairs_without_a_camera_are_scored_in_pixels(tmp_path, capsys):
+    left, right = shifted_pair(96, 256, 8)
+    save(tmp_path / "one/left.png", left)
+    save(tmp_path / "one/right.png", right)
+    truth = np.full((96, 256), 8.0, np.float32)
+    truth[:, 128:] = 40.0
+    save(tmp_path / "one/disparity.png", as_16bit(truth))
+    assert main(["evaluate", "--model", str(TINY_MODEL), "--data", str(tmp_path), "--layout", "plain"]) == 0
+    printed = capsys.readouterr().out
+    assert "depth error" not in printed
+    assert "% flying pixels" in printed
+    assert "in_range      EPE" in printed and "(50.0 % of all)" in printed

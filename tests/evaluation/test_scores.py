@@ -40,7 +40,7 @@ def test_one_pair_equals_the_single_measures() -> None:
     score = evaluate_pair(**pair, **camera())
     disparity, truth = pair["disparity"].astype(float), pair["truth"].astype(float)
     depth, true_depth = (FOCAL * BASELINE / (d + DOFFS) for d in (disparity, truth))
-    for region, mask in (("all", None), ("non_occluded", ~pair["occlusion"])):
+    for region, mask in (("all", None), ("non_occluded", ~pair["occlusion"]), ("occluded", pair["occlusion"])):
         seen = score[region]
         assert seen["epe_px"] == pytest.approx(metrics.end_point_error(disparity, truth, mask))
         assert seen["coverage"] == pytest.approx(metrics.coverage(disparity, truth, mask))
@@ -48,13 +48,16 @@ def test_one_pair_equals_the_single_measures() -> None:
             assert seen[f"kpe_{k}"] == pytest.approx(metrics.k_pixel_error(disparity, truth, k, mask))
         assert seen["depth_mae_mm"] == pytest.approx(metrics.depth_error(depth, true_depth, mask))
         assert seen["depth_relative"] == pytest.approx(metrics.relative_depth_error(depth, true_depth, mask))
-        known = metrics.answered(disparity, truth, mask)
+        known = metrics.compared(disparity, truth, mask)
         errors = np.abs(disparity - truth)[known]
         uncertainty = 1 - pair["confidence"][known]
-        assert seen["ause"] == pytest.approx(metrics.sparsification_error(errors, uncertainty))
+        ranked = region in ("all", "non_occluded")
+        assert ("ause" in seen) == ranked
+        if ranked:
+            assert seen["ause"] == pytest.approx(metrics.sparsification_error(errors, uncertainty))
         gap = metrics.sigma_calibration_error(np.abs(depth - true_depth)[known], pair["sigma"][known])
         assert seen["sigma_ece_mm"] == pytest.approx(gap)
-        assert seen["answered"] == known.sum() and seen["pixels"] == metrics.with_truth(truth, mask).sum()
+        assert seen["valid"] == known.sum() and seen["pixels"] == metrics.with_truth(truth, mask).sum()
 
 
 def test_pairs_are_pooled_by_pixels_not_by_pictures() -> None:
@@ -82,18 +85,30 @@ def test_pooling_equals_one_tall_picture() -> None:
                 assert pooled[name] == pytest.approx(value), name
 
 
+def test_parts_are_scored_by_themselves() -> None:
+    truth = np.array([[10.0, 20.0, 30.0, 40.0, np.nan]])
+    disparity = truth + np.array([[0.0, 1.0, 2.0, 6.0, 0.0]])
+    valid = np.array([[True, True, True, False, True]])
+    score = evaluate_pair(disparity, truth, valid=valid, largest_px=20.0, occlusion=~valid)
+    wanted = {"all": 4, "non_occluded": 3, "occluded": 1, "in_range": 2, "valid": 3}
+    assert {part: score[part]["pixels"] for part in wanted} == wanted
+    assert score["in_range"]["epe_px"] == pytest.approx(0.5)
+    assert score["valid"]["share"] == pytest.approx(0.75)
+    assert score["valid"]["kpe_3"] == 0.0 and score["occluded"]["kpe_3"] == 1.0
+
+
 def test_depth_behind_infinity_is_no_depth_answer() -> None:
     truth = np.full((2, 2), 10.0)
     disparity = np.array([[10.0, -3.0], [-5.0, 10.0]])
     score = evaluate_pair(disparity, truth, **camera())["all"]
-    assert score["answered"] == 4 and score["depth_pixels"] == 2
+    assert score["valid"] == 4 and score["depth_pixels"] == 2
     assert score["depth_mae_mm"] == 0.0
 
 
 def test_measures_without_their_input_are_left_out_and_the_result_is_json() -> None:
     score = evaluate_pair(np.full((2, 2), np.nan), np.full((2, 2), 5.0))
     assert score == json.loads(json.dumps(score, allow_nan=False))
-    assert set(score) == {"pairs", "all"}
+    assert set(score) == {"pairs", "all", "edges"}
     assert score["all"]["coverage"] == 0.0 and score["all"]["epe_px"] is None
     assert not {"depth_mae_mm", "ause", "sigma_ece_mm", "depth_pixels"} & set(score["all"])
 
@@ -114,6 +129,8 @@ def test_sigma_ranks_pixels_when_there_is_no_confidence() -> None:
         {"occlusion": np.zeros((2, 3), bool)},
         {"sigma": np.ones((3, 2))},
         {"confidence": np.ones(2)},
+        {"valid": np.ones((2, 2))},
+        {"valid": np.ones((3, 2), bool)},
     ],
 )
 def test_wrong_options_are_refused_and_the_board_stays_usable(options) -> None:

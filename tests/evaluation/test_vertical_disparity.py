@@ -1,4 +1,4 @@
-"""Row disagreement measured on pairs made for it and on real endoscope frames."""
+"""Vertical disparity measured on pairs made for it and on real endoscope frames."""
 
 from __future__ import annotations
 

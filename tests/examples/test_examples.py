@@ -5,14 +5,19 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from endosdk import StereoCalibration
-from endosdk.cli import main
-from tests.conftest import ROOT, TINY_MODEL
+from endosdk import DepthEstimator, StereoCalibration
+from endosdk.calibration.boards import Board
+from endosdk.commands.cli import main
+from endosdk.io.pictures import write_picture
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.live.videos import side_by_side, views, write
+from tests.rendered_boards import POSES, shown
+from tests.rigs import raw_rig
 
 DATA = ROOT / "examples" / "data"
 
@@ -36,15 +41,15 @@ def ran(name: str, *words) -> str:
 
 
 def test_video_to_cloud(folder):
-    told = ran("video_to_cloud.py", folder / "v.mkv", folder / "rig.json", folder / "out.ply")
-    assert "frame 2, 0.08 s" in told
+    printed = ran("video_to_cloud.py", folder / "v.mkv", folder / "rig.json", folder / "out.ply")
+    assert "frame 2, 0.08 s" in printed
     assert (folder / "out.ply").stat().st_size > 15 * 1000
 
 
 def test_measure():
-    told = ran("measure.py", DATA / "demo" / "left.png", DATA / "demo" / "right.png", DATA / "rig.json")
-    assert [line.split()[0] for line in told.splitlines()] == ["depth", "distance", "area", "relief"]
-    assert told.count("95 % within") == 4
+    printed = ran("measure.py", DATA / "demo" / "left.png", DATA / "demo" / "right.png", DATA / "rig.json")
+    assert [line.split()[0] for line in printed.splitlines()] == ["depth", "distance", "area", "relief"]
+    assert printed.count("95 % within") == 4
 
 
 def test_bag_to_depth_bag(folder):
@@ -52,3 +57,29 @@ def test_bag_to_depth_bag(folder):
     with AnyReader([folder / "out.mcap"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         counts = {each.topic: each.msgcount for each in reader.connections}
     assert counts["/stereo/depth"] == counts["/stereo/points"] == counts["/stereo/left/image_raw"] == 3
+
+
+@pytest.mark.slow
+def test_boards_to_depth(tmp_path):
+    rig = raw_rig(left_distortion=np.array([-0.2, 0.1, 0, 0]), right_distortion=np.array([-0.16, 0.08, 0, 0]))
+    board = Board((9, 6), 3.0)
+    for number, pose in enumerate(POSES):
+        for side, view in zip(("left", "right"), shown(board, rig, pose, seed=number), strict=True):
+            (tmp_path / side).mkdir(exist_ok=True)
+            write_picture(tmp_path / side / f"{number:02d}.png", view)
+    pair = [tmp_path / side / "03.png" for side in ("left", "right")]
+    folders = tmp_path / "left", tmp_path / "right"
+    told = ran("boards_to_depth.py", *folders, "9x6", 3.0, *pair, tmp_path / "out")
+    assert "depth at 60 mm is uncertain by" in told
+    found = StereoCalibration.load(tmp_path / "out" / "rig.json")
+    assert found.baseline_mm == pytest.approx(rig.baseline_mm, abs=0.05)
+    assert "Coverage" in (tmp_path / "out" / "rig.html").read_text()
+
+
+@pytest.mark.slow
+def test_fine_tune_on_renders(tmp_path):
+    rig = tmp_path / "rig.json"
+    StereoCalibration.rectified(focal_px=256.0, baseline_mm=5.0, size=(512, 384)).save(rig)
+    told = ran("fine_tune_on_renders.py", rig, tmp_path / "out", 4, 1)
+    assert "px before" in told
+    DepthEstimator(str(tmp_path / "out" / "tuned.onnx")).predict(*shifted_pair(384, 512, 8))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.locks import locked_folder
 from endosdk.io.pictures import write_picture

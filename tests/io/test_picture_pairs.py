@@ -25,7 +25,7 @@ def test_numbers_match_and_order_the_pictures(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("left", "right", "told"),
+    ("left", "right", "rule"),
     [
         (["1.png", "2.png"], ["1.png"], r"pictures: must have the same numbers .* got \S+2.png \["),
         (["1.png"], [f"{number}.png" for number in range(1, 8)], r"2.png, \S+3.png, \S+4.png and 3 more"),
@@ -33,8 +33,8 @@ def test_numbers_match_and_order_the_pictures(tmp_path):
         (["1.png", "1.jpg"], ["1.png"], "left: must hold pictures whose names differ in their numbers"),
     ],
 )
-def test_pictures_without_a_partner_are_told(tmp_path, left, right, told):
-    with pytest.raises(InvalidArgument, match=told):
+def test_pictures_without_a_partner_are_named(tmp_path, left, right, rule):
+    with pytest.raises(InvalidArgument, match=rule):
         pair_pictures(files(tmp_path / "a", *left), files(tmp_path / "b", *right))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator, StereoCalibration
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.jobs.batch import Settings, find_pairs, run_batch
@@ -91,7 +91,7 @@ def test_several_processes_give_the_same_bytes(archive, settings, done, tmp_path
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path, monkeypatch):
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    ray = pytest.importorskip("ray")
+    ray = pytest.importorskip("ray", reason="no Ray: pip install 'endosdk[ray]'")
     many(archive, tmp_path, 200)
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
     try:
@@ -128,7 +128,7 @@ def test_an_interrupted_batch_says_how_to_go_on(archive, tmp_path, workers):
     out = tmp_path / "out"
     # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
     heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    program = f"{heed}; import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    program = f"{heed}; import sys; from endosdk.commands.cli import main; sys.exit(main(sys.argv[1:]))"
     words = ["batch", str(tmp_path / "left"), str(tmp_path / "right"), "--out", str(out), "--workers", workers]
     run = subprocess.Popen(
         [sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -158,8 +158,8 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
     broken.write_bytes(b"no picture")
     words = ["batch", str(tmp_path / "in" / "left"), str(tmp_path / "in" / "right"), "--out", str(tmp_path / "out")]
     assert main(words) == 1
-    told = capsys.readouterr().out
-    assert f"FAILED     {NAMES[1]}: frame: must be a picture (PNG, JPEG, BMP, TIFF, PGM or PPM); got" in told
+    printed = capsys.readouterr().out
+    assert f"FAILED     {NAMES[1]}: frame: must be a picture (PNG, JPEG, BMP, TIFF, PGM or PPM); got" in printed
     assert not (tmp_path / "out" / "pairs" / NAMES[1]).exists()
     shutil.copy(archive / "right" / broken.name, broken)
     assert main(words) == 0
@@ -174,10 +174,17 @@ def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
             run_batch(pairs, other, done)
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"format_version": 0, "settings": {}}'])
-def test_a_record_that_is_none_of_ours_is_told(archive, settings, tmp_path, text):
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("", r"batch\.json must be what this command wrote"),
+        ("[]", r"batch\.json must be what this command wrote"),
+        ('{"format_version": 0, "settings": {}}', "must be new, or hold a batch of .* this version"),
+    ],
+)
+def test_a_record_that_is_none_of_ours_is_refused(archive, settings, tmp_path, text, rule):
     (tmp_path / "batch.json").write_text(text)
-    with pytest.raises(InvalidArgument, match=r"out: batch\.json must be what this version wrote"):
+    with pytest.raises(InvalidArgument, match=f"out: {rule}"):
         run_batch(find_pairs(archive / "left", archive / "right"), settings, tmp_path)
 
 

@@ -23,7 +23,7 @@ class Browser:
     def __init__(self, folder: Path, width: int = 1400, height: int = 1000) -> None:
         program = shutil.which("chromium") or shutil.which("google-chrome")
         if program is None:
-            pytest.skip("no Chromium: apt-get install chromium")
+            pytest.skip("no Chromium (Debian: apt-get install chromium)")
         self._log = folder / "chromium.log"
         options = [
             "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run", "--mute-audio",
@@ -62,12 +62,12 @@ class Browser:
         self._next += 1
         await self._socket.send_str(json.dumps({"id": self._next, "method": method, "params": parameters}))
         while True:
-            told = json.loads((await asyncio.wait_for(self._socket.receive(), START_S)).data)
-            if told.get("id") == self._next:
-                assert "error" not in told, told
-                return told["result"]
-            if told.get("method") in ("Runtime.exceptionThrown", "Log.entryAdded"):
-                self.complaints.append(json.dumps(told["params"]))
+            reply = json.loads((await asyncio.wait_for(self._socket.receive(), START_S)).data)
+            if reply.get("id") == self._next:
+                assert "error" not in reply, reply
+                return reply["result"]
+            if reply.get("method") in ("Runtime.exceptionThrown", "Log.entryAdded"):
+                self.complaints.append(json.dumps(reply["params"]))
 
     def open(self, address: str) -> None:
         self.call("Page.navigate", url=address)

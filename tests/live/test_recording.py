@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+import time
 
 import av
 import numpy as np
@@ -15,10 +16,11 @@ from rosbags.typesys import Stores, get_typestore
 
 import endosdk
 from endosdk import DepthEstimator, StereoCalibration
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.live.recording.record import record
 from endosdk.live.recording.recording import Recording
+from endosdk.live.viewer import Player
 from tests.conftest import TINY_MODEL
 from tests.live.videos import side_by_side, views, write
 
@@ -35,8 +37,8 @@ def video(tmp_path_factory):
 @pytest.fixture(scope="module")
 def recorded(video, tmp_path_factory):
     out = tmp_path_factory.mktemp("recorded") / "r"
-    told = record(endosdk.open_source(video).tagged(lambda f: {"arm": f.number}), estimator(), out)
-    assert told["frames"] == COUNT
+    counts = record(endosdk.open_source(video).tagged(lambda f: {"arm": f.number}), estimator(), out)
+    assert counts["frames"] == COUNT
     return out
 
 
@@ -137,6 +139,59 @@ def test_a_full_disk_leaves_what_was_written(video, tmp_path):
     assert not list(out.glob(".partial-*"))
     record(endosdk.open_source(video), estimator(), out)
     check(out)
+
+
+@pytest.fixture(params=["full in a part", "full in the end"])
+def small_disk(tmp_path, request):
+    """A small file system, and what makes it larger: the parts do not fit, or they do and the joined files do not."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    size = {"full in a part": "128k", "full in the end": "260k"}[request.param]
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    if subprocess.run(mount, check=False, capture_output=True).returncode:
+        pytest.skip("only root may mount a file system: run the tests as root")
+
+    def grow():
+        subprocess.run(["mount", "-o", "remount,size=8m", str(folder)], check=True)
+
+    yield folder, grow
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_disk_that_is_full_for_real_keeps_whole_parts(video, small_disk, monkeypatch, capsys):
+    folder, grow = small_disk
+    monkeypatch.setattr("endosdk.live.recording.recorder.PART_FRAMES", 2)
+    RIG.save(folder / "rig.json")
+    words = ["run", str(video), "--model", str(TINY_MODEL), "--calibration", str(folder / "rig.json")]
+    assert main([*words, "--out", str(folder / "r")]) == 2
+    told = capsys.readouterr().err
+    assert "No space left on device" in told
+    assert "Traceback" not in told
+    kept = [frame.number for frame in Recording(folder / "r")]
+    assert kept == list(range(len(kept)))
+    assert 2 <= len(kept) <= COUNT
+    grow()
+    assert main([*words, "--out", str(folder / "r")]) == 0
+    check(folder / "r")
+
+
+@pytest.mark.parametrize("small_disk", ["full in a part"], indirect=True)
+def test_a_full_disk_ends_the_recording_and_not_the_view(video, small_disk, monkeypatch):
+    folder, _ = small_disk
+    monkeypatch.setattr("endosdk.live.recording.recorder.PART_FRAMES", 2)
+    player = Player(estimator(), endosdk.open_source(video), playing=False)
+    player.record(folder / "r")
+    player.start()
+    player.play()
+    deadline = time.monotonic() + 30
+    while not player.ended:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert player.latest.frame.number == COUNT - 1
+    assert player.recording is None
+    assert "No space left" in str(player.error)
+    player.close()
+    assert len(list(Recording(folder / "r"))) >= 2
 
 
 def test_other_settings_are_refused(recorded, video):

@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 
 import endosdk
+from endosdk import DepthEstimator
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.io.pictures import write_picture
+from endosdk.live.answers import answers
 from endosdk.live.frames import Frame
-from endosdk.live.sources.base import Source, SourceOptions
-from endosdk.live.sources.camera import Device, lost_between, simultaneous
 from endosdk.live.sources.decoder import Decoded
 from endosdk.live.sources.newest import Newest
+from endosdk.live.sources.source import Source, SourceOptions
+from endosdk.live.sources.v4l2 import Device, lost_between, simultaneous
+from endosdk.live.sources.video_input import Piped
+from tests.conftest import TINY_MODEL, shifted_pair
 from tests.live.videos import RATE, side_by_side, views, write
 
 PAIRS = views(5)
@@ -145,6 +149,37 @@ def test_standard_input(raw):
         )  # swscale rounds 8-bit 4:2:2 down
 
 
+@pytest.mark.parametrize("raw", [None, "uyvy422:128x48"])
+@pytest.mark.parametrize("cut", [0, 1, 1000])
+def test_a_pipe_that_is_cut_gives_its_whole_frames_and_tells(raw, cut):
+    pipe = io.BytesIO()
+    if raw is None:
+        write(pipe, side_by_side(PAIRS), "wrapped_avframe", "yuv444p", container="yuv4mpegpipe")
+    else:
+        write(pipe, side_by_side(PAIRS), "rawvideo", "uyvy422", container="rawvideo")
+    content = pipe.getvalue()
+    source = Piped(io.BytesIO(content[: len(content) - cut]), SourceOptions(raw=raw))
+    assert len(list(source)) == (4 if cut else 5)
+    assert [fault for fault in source.faults if "ends within frame 4" in fault] == source.faults[-1:]
+    assert bool(source.faults) == bool(cut)
+
+
+@pytest.mark.parametrize("raw", [None, "uyvy422:128x48"])
+@pytest.mark.parametrize("content", [b"", b"YUV4MPEG2 W128 H48 F25:1 C444\nFRAME\nabc"])
+def test_a_pipe_without_a_whole_frame_is_refused(raw, content):
+    with pytest.raises(SourceFailed, match=f"the program before the pipe; got {len(content)} bytes"):
+        list(Piped(io.BytesIO(content), SourceOptions(raw=raw)))
+
+
+def test_a_pipe_that_breaks_in_the_middle_tells_after_its_whole_frames():
+    frame = b"FRAME\n" + bytes(3 * 128 * 48)
+    pipe = io.BytesIO(b"YUV4MPEG2 W128 H48 F25:1 C444\n" + 3 * frame + 30_000 * b"x")
+    frames = iter(Piped(pipe, SourceOptions()))
+    assert [next(frames).number for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(SourceFailed, match="standard input: Invalid data"):
+        next(frames)
+
+
 def test_start_in_the_middle(tmp_path):
     source = endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(PAIRS)))
     frames = list(source.frames(3))
@@ -205,6 +240,43 @@ def test_a_stamp_that_runs_backwards_is_counted_on_and_told(caplog):
     assert "frame 2" in caplog.text
 
 
+def test_a_clock_that_begins_anew_goes_on(tmp_path):
+    """Two recordings of one camera in one file, as a capture card writes them when it is started again."""
+    options = {"container": "mpegts", "options": {"b": "4M", "g": "1"}}
+    one = write(tmp_path / "one.ts", side_by_side(PAIRS), "mpeg2video", "yuv420p", **options)
+    (tmp_path / "two.ts").write_bytes(2 * one.read_bytes())
+    source = endosdk.open_source(tmp_path / "two.ts")
+    frames = list(source)
+    check(frames, PAIRS + PAIRS, tolerance=8)
+    steps = np.diff([frame.stamp_ns for frame in frames])
+    assert (steps > 0).all()
+    assert steps[:4].tolist() == [40_000_000] * 4
+    assert steps[5:].tolist() == [40_000_000] * 4
+    told = [frame.number for frame in frames if frame.fault]
+    assert told == [5, 6]
+    assert "began anew" in frames[6].fault
+
+
+def test_a_stream_with_holes_gives_what_is_whole_and_tells(tmp_path):
+    options = {"container": "mpegts", "options": {"g": "4", "bf": "0"}}
+    pairs = views(12, 96, 128)
+    path = write(tmp_path / "v.ts", side_by_side(pairs), "libx264", "yuv420p", **options)
+    content = bytearray(path.read_bytes())
+    packets = len(content) // 188
+    for packet in range(packets // 2, packets // 2 + packets // 10):
+        content[188 * packet + 20 : 188 * packet + 150] = bytes(130)
+    path.write_bytes(content)
+    source = endosdk.open_source(path)
+    frames = list(source)
+    assert [frame.number for frame in frames] == list(range(len(frames)))
+    assert len(frames) >= 10
+    assert any("damage" in fault or "lost" in fault or "cut short" in fault for fault in source.faults)
+    assert [frame for frame in frames if frame.fault]
+    for frame in (*frames[:3], frames[-1]):
+        near = pairs[round(frame.stamp_ns / 40_000_000)][0]
+        assert np.abs(frame.left.astype(int) - near).mean() < 8
+
+
 def test_odd_width_is_refused(tmp_path):
     path = write(tmp_path / "v.mkv", [np.hstack([left, right[:, :-1]]) for left, right in PAIRS])
     with pytest.raises(InvalidArgument, match=r"even width.*127"):
@@ -219,10 +291,10 @@ def test_a_broken_video_gives_what_is_left_and_tells(tmp_path):
     frames = []
     try:
         frames.extend(source)
-        told = "; ".join(source.faults)
+        message = "; ".join(source.faults)
     except SourceFailed as error:
-        told = str(error)
-    assert told
+        message = str(error)
+    assert message
     frames = list(_until_error(endosdk.open_source(tmp_path / "cut.mkv")))
     assert 5 <= len(frames) < 20
     for frame, pair in list(zip(frames, views(20), strict=False))[:-1]:
@@ -237,7 +309,7 @@ def _until_error(source):
 
 
 @pytest.mark.parametrize(
-    ("word", "options", "told"),
+    ("word", "options", "message"),
     [
         ("nowhere.mp4", {}, "must be a folder with left and right"),
         ("/dev/video99", {}, "video99"),
@@ -251,8 +323,8 @@ def _until_error(source):
         ("v.mp4", {"rate": 0.0}, "frames a second"),
     ],
 )
-def test_wrong_words_are_refused(word, options, told):
-    with pytest.raises((InvalidArgument, SourceFailed), match=told):
+def test_wrong_words_are_refused(word, options, message):
+    with pytest.raises((InvalidArgument, SourceFailed), match=message):
         endosdk.open_source(word, **options)
 
 
@@ -318,3 +390,18 @@ def test_pyav_has_the_parts_that_sources_use():
     assert "video4linux2,v4l2" in av.formats_available
     assert "bwdif" in av.filter.filters_available
     assert RATE == 25
+
+
+def test_answers_may_be_steady_in_time():
+    """One still scene with new noise in every frame: the stream's own test has the numbers."""
+    rng = np.random.default_rng(0)
+    left, right = shifted_pair(96, 160, 8)
+    frames = [
+        Frame(*(np.clip(view + rng.normal(0, 6, view.shape), 0, 255).astype(np.uint8) for view in (left, right)), n, n)
+        for n in range(4)
+    ]
+    estimator = DepthEstimator(str(TINY_MODEL), threads=1)
+    plain, steady = (
+        np.stack([result.disparity for _, result in answers(estimator, frames, temporal=on)]) for on in (False, True)
+    )
+    assert np.diff(steady, axis=0).std() < np.diff(plain, axis=0).std()

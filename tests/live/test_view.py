@@ -132,6 +132,27 @@ def test_a_click_measures_what_is_there(tmp_path):
         player.close()
 
 
+@pytest.mark.slow
+def test_the_page_names_causes_and_plots_the_rig(tmp_path):
+    rig = StereoCalibration.rectified(focal_px=120.0, baseline_mm=5.0, size=(96, 64))
+    estimator = DepthEstimator(str(TINY_MODEL), calibration=rig, threads=1)
+    twice = [(left, left) for left, _ in PAIRS[:2]]  # one camera on both inputs
+    player = Player(estimator, endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(twice))))
+    server = Server(player, recordings=tmp_path)
+    browser = Browser(tmp_path)
+    try:
+        browser.open(server.address)
+        causes = browser.wait("[...document.querySelectorAll('#causes li')].map((li) => li.textContent)")
+        assert any(cause.startswith("SAME_VIEW") for cause in causes)
+        assert browser.run("document.getElementById('status').textContent") == "INVALID"
+        assert browser.run("document.querySelectorAll('#plots canvas').length") == 5
+        assert browser.complaints == []
+    finally:
+        browser.close()
+        server.close()
+        player.close()
+
+
 def _check_pictures(browser):
     """The left view, the map and the cloud are pictures of something; turning the cloud changes it."""
     spread = """(id) => { const c = document.getElementById(id); const k = document.createElement('canvas');
@@ -178,13 +199,13 @@ def _check_measurements(browser, rig):
     click(420, 500)
     click(620, 520, 2)
     browser.wait("document.querySelectorAll('#measured li[data-values]').length === 2")
-    told = [
+    shown = [
         json.loads(text)[0]
         for text in browser.run("[...document.querySelectorAll('#measured li')].map((li) => li.dataset.values)")
     ]
     for found, true in (
-        (told[0], depth[420, 500]),
-        (told[1], np.linalg.norm(point(420, 500) - point(620, 520))),
+        (shown[0], depth[420, 500]),
+        (shown[1], np.linalg.norm(point(420, 500) - point(620, 520))),
     ):
         assert found["unit"] == "mm"
         assert abs(found["value"] - true) < 3 * found["standard_error"] + 0.002 * true  # the click is whole pixels

@@ -31,3 +31,8 @@ def test_codes_are_unique_numbers():
     numbers = [int(code) for code in errors.ErrorCode]
     assert len(set(numbers)) == len(numbers)
     assert numbers == sorted(numbers)
+
+
+def test_memory_that_is_used_up_is_said_in_the_words_of_c():
+    error = errors.error_of(errors.ErrorCode.OUT_OF_MEMORY, "", "out of memory", "")
+    assert isinstance(error, MemoryError) and str(error) == "out of memory [OUT_OF_MEMORY]"

@@ -33,7 +33,7 @@ def test_shipped_model_sees_a_plane_at_its_depth(name):
 
 def test_weights_to_train_on_from_are_there():
     kept = {name for name, file in shipped_weights().items() if file.stat().st_size > 100_000}
-    assert kept == {"fast", "fast-25", "fast-320", "accurate", "wang2020"}
+    assert kept == {"fast", "fast-320", "accurate", "wang2020"}
 
 
 def test_bad_input_has_a_code():

@@ -30,8 +30,8 @@ def test_pairs_of_two_scenes_are_counted_and_logged(caplog):
     estimator = DepthEstimator(TINY_MODEL)
     with caplog.at_level(logging.WARNING, "endosdk.frames"):
         estimator.predict(PAIR[0], PAIR[0])
-    assert "do not show the same" in caplog.text
-    assert estimator.diagnostics()["mismatched"] == 1
+    assert "one camera is connected to both inputs" in caplog.text
+    assert estimator.diagnostics()["causes"]["SAME_VIEW_TWICE"] == 1
 
 
 def test_lines_about_frames_are_silent_unless_logging_is_set_up():
@@ -84,6 +84,38 @@ def test_the_nearest_depth_is_known_before_the_first_frame():
     estimator = DepthEstimator(TINY_MODEL, calibration=rig, network_size=(120, 60))
     assert estimator.nearest_depth_mm == pytest.approx(210.0 * 4.5 / ((31 - 0.5) * 2), rel=1e-6)
     assert estimator.diagnostics()["nearest_depth_mm"] == pytest.approx(estimator.nearest_depth_mm)
+
+
+NEAREST = "nearest depth this model sees on this rig: 31 mm"
+
+
+@pytest.mark.parametrize(
+    ("depth_range_mm", "level", "more"),
+    [
+        ((0.0, np.inf), "WARNING", "; instruments come nearer, and get no depth there"),
+        ((20.5, np.inf), "WARNING", "; depths from 20.5 mm on are asked for"),
+        ((20.0, 25.0), "WARNING", "; no pixel has an answer up to the 25 mm asked for"),
+        ((31.0, 200.0), "INFO", ""),
+    ],
+)
+def test_the_nearest_depth_of_a_rig_is_told_at_load(caplog, depth_range_mm, level, more):
+    rig = StereoCalibration.rectified(210.0, 9.0, (240, 120))
+    with caplog.at_level(logging.INFO, "endosdk.rigs"):
+        estimator = DepthEstimator(TINY_MODEL, calibration=rig, network_size=(120, 60), depth_range_mm=depth_range_mm)
+    assert estimator.nearest_depth_mm == pytest.approx(210.0 * 9.0 / (2 * 30.5))
+    assert [(line.levelname, line.message) for line in caplog.records] == [(level, NEAREST + more)]
+
+
+def test_a_rig_whose_instruments_are_in_sight_is_no_warning(caplog):
+    with caplog.at_level(logging.INFO, "endosdk.rigs"):
+        DepthEstimator(TINY_MODEL, calibration=StereoCalibration.rectified(210.0, 4.0, (240, 120)))
+    line_of_the_log = "nearest depth this model sees on this rig: 28 mm"
+    assert [(line.levelname, line.message) for line in caplog.records] == [("INFO", line_of_the_log)]
+
+
+def test_the_largest_disparity_is_that_of_the_frame():
+    estimator = DepthEstimator(TINY_MODEL, network_size=(120, 60))
+    assert estimator.largest_disparity(480, 240) == pytest.approx(4 * 30.5)
 
 
 def test_a_closed_estimator_says_so():

@@ -8,9 +8,10 @@ import pytest
 from onnx import numpy_helper
 
 from endosdk import DepthEstimator
+from endosdk._core import check_seal, seal
+from endosdk._core import seal_mark as MARK
 from endosdk.errors import ModelHashMismatch, ModelMetadata
 from endosdk.runtime.models import read_model, shipped_models
-from endosdk.runtime.seal import MARK, check_seal, seal
 from endosdk.training.model_file import sealed_bytes
 from tests.conftest import TINY_MODEL
 

@@ -5,7 +5,7 @@ import numpy as np
 import onnx
 import pytest
 
-from endosdk import errors
+from endosdk import DepthEstimator, _core, errors
 from endosdk.runtime.models import ModelFile, read_model
 from endosdk.runtime.session import StereoSession, load_runtime
 from endosdk.training.model_file import sealed_bytes
@@ -103,11 +103,84 @@ def _fake_distribution(folder, name):
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
 
 
-def test_both_runtime_packages_at_once_are_refused(tmp_path, monkeypatch):
-    _fake_distribution(tmp_path, "onnxruntime-gpu")
+@pytest.mark.parametrize("other", ["onnxruntime-gpu", "onnxruntime-openvino"])
+def test_two_runtime_packages_in_one_folder_are_refused(tmp_path, monkeypatch, other):
+    for name in ("onnxruntime", other):
+        _fake_distribution(tmp_path, name)
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(errors.RuntimeConflict, match="onnxruntime and onnxruntime-gpu"):
+    with pytest.raises(errors.RuntimeConflict, match=f"onnxruntime and {other}"):
         load_runtime()
+
+
+def test_a_runtime_package_in_a_folder_of_its_own_is_taken(tmp_path, monkeypatch):
+    _fake_distribution(tmp_path, "onnxruntime-openvino")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert load_runtime().__version__
+
+
+# Of the package for processors, this one computes no operation of any of our models.
+IDLE_PROVIDER = "AzureExecutionProvider"
+
+
+def test_a_provider_that_computes_nothing_is_refused():
+    with pytest.raises(errors.ProviderUnavailable, match=r"must compute this model.*none of its operations there"):
+        StereoSession(read_model(TINY_MODEL), provider=IDLE_PROVIDER).buffers(32, 64)
+    with pytest.raises(errors.ProviderUnavailable, match="must compute this model"):
+        DepthEstimator(TINY_MODEL, provider=IDLE_PROVIDER)
+
+
+GPU, CPU = "CUDAExecutionProvider", _core.cpu_provider
+
+
+@pytest.mark.parametrize("elsewhere", [{}, {"Shape": 3, "Gather": 2, "Cast": 1, "Concat": 4}], ids=["none", "shapes"])
+def test_shapes_may_stay_on_the_processor(elsewhere):
+    _core.check_placement(GPU, {GPU: {"Conv": 22, "Add": 3}, CPU: elsewhere})
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "said"),
+    [
+        ({"Conv": 2, "Shape": 1}, "got 2 Conv on CPUExecutionProvider"),
+        ({"QuantizeLinear": 49, "FusedConv": 1}, "got 1 FusedConv, 49 QuantizeLinear on CPUExecutionProvider"),
+        ({"Resize": 1}, "got 1 Resize on CPUExecutionProvider"),
+    ],
+)
+def test_all_other_operations_may_not(elsewhere, said):
+    with pytest.raises(errors.ProviderUnavailable, match=said):
+        _core.check_placement(GPU, {GPU: {"Conv": 20}, CPU: elsewhere})
+
+
+def test_a_library_for_the_processor_may_leave_it_all_but_the_heavy_operations():
+    xnnpack = _core.full_provider_name("xnnpack")
+    _core.check_placement(xnnpack, {xnnpack: {"Conv": 20}, CPU: {"Resize": 1, "Exp": 3}})
+    with pytest.raises(errors.ProviderUnavailable, match="1 MatMul"):
+        _core.check_placement(xnnpack, {xnnpack: {"Conv": 20}, CPU: {"Resize": 1, "MatMul": 1}})
+    with pytest.raises(errors.ProviderUnavailable, match="none of its operations"):
+        _core.check_placement(xnnpack, {CPU: {"Resize": 1}})
+
+
+@pytest.mark.parametrize(
+    ("options", "rule"),
+    [
+        ([("device_id", "0")], "must map keys to texts"),
+        ({"device_id": 0.5}, "texts or whole numbers"),
+        ({1: "0"}, "texts or whole numbers"),
+        ({"": "0"}, "must have a key"),
+        ({"device_id": 0}, "must be empty for the processor"),
+    ],
+)
+def test_provider_options_are_checked(options, rule):
+    with pytest.raises(errors.InvalidArgument, match=rule):
+        DepthEstimator(TINY_MODEL, provider_options=options)
+
+
+def test_provider_options_as_text():
+    read = _core.parse_provider_options(["device_id=1", "cache=a=b", "empty="])
+    assert read == [("device_id", "1"), ("cache", "a=b"), ("empty", "")]
+    with pytest.raises(errors.InvalidArgument, match="key=value"):
+        _core.parse_provider_options(["device_id"])
+    with pytest.raises(errors.InvalidArgument, match="a key once"):
+        _core.check_provider_options("cuda", [("device_id", "0"), ("device_id", "1")])
 
 
 def test_missing_runtime_names_the_extra():

@@ -32,7 +32,7 @@ TALK = "import socket\ntry: socket.getaddrinfo('example.invalid', 80)\nexcept OS
 def watcher(tmp_path_factory):
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
-        pytest.skip("no C compiler")
+        pytest.skip("no C compiler (Debian: apt-get install gcc)")
     library = tmp_path_factory.mktemp("watch") / "watch_network.so"
     source = ROOT / "tests" / "data" / "watch_network.c"
     subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True)

@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 import tracemalloc
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -143,21 +144,27 @@ def test_what_is_no_source_is_refused_at_once():
         DepthEstimator(TINY_MODEL).stream(3)
 
 
+@contextmanager
+def traced_memory():
+    """Trace Python's and NumPy's memory. Streams begin and end inside: to stop while a thread allocates is a crash."""
+    tracemalloc.start()
+    try:
+        yield
+    finally:
+        tracemalloc.stop()
+
+
 def largest_growth(step, frames=5):
     """Bytes of Python and NumPy memory, at most, by which any of some frames grows what is in use while it lasts."""
     for _ in range(3):
         step()
-    tracemalloc.start()
-    try:
-        growth = []
-        for _ in range(frames):
-            tracemalloc.reset_peak()
-            before = tracemalloc.get_traced_memory()[0]
-            step()
-            growth.append(tracemalloc.get_traced_memory()[1] - before)
-        return max(growth)
-    finally:
-        tracemalloc.stop()
+    growth = []
+    for _ in range(frames):
+        tracemalloc.reset_peak()
+        before = tracemalloc.get_traced_memory()[0]
+        step()
+        growth.append(tracemalloc.get_traced_memory()[1] - before)
+    return max(growth)
 
 
 def test_no_map_is_allocated_per_frame_when_memory_is_reused():
@@ -165,12 +172,12 @@ def test_no_map_is_allocated_per_frame_when_memory_is_reused():
     estimator = DepthEstimator(TINY_MODEL)
     left, right = pairs(1)[0]
     result = estimator.predict(left, right)
-    assert largest_growth(lambda: estimator.predict(left, right, out=result)) < smallest_map / 2
-    stream = estimator.stream(((left, right) for _ in range(100)), reuse=True)
-    assert largest_growth(lambda: next(stream)) < smallest_map / 2
-    stream.close()
-    # The ruler itself: without reuse every frame brings its maps.
-    assert largest_growth(lambda: estimator.predict(left, right)) > 9 * smallest_map
+    with traced_memory():
+        assert largest_growth(lambda: estimator.predict(left, right, out=result)) < smallest_map / 2
+        with closing(estimator.stream(((left, right) for _ in range(100)), reuse=True)) as stream:
+            assert largest_growth(lambda: next(stream)) < smallest_map / 2
+        # The ruler itself: without reuse every frame brings its maps.
+        assert largest_growth(lambda: estimator.predict(left, right)) > 9 * smallest_map
 
 
 class StalledCamera:
@@ -233,3 +240,35 @@ def test_one_interrupt_ends_a_program_whose_camera_has_stalled(tmp_path):
 def test_a_function_may_return_what_cannot_be_compared_with_none():
     with pytest.raises(errors.InvalidArgument, match="source"):
         list(DepthEstimator(TINY_MODEL).stream(lambda: np.stack(pairs(1)[0])))
+
+
+def shaking_pairs(count=8):
+    """One scene with noise that is new in every frame."""
+    left, right = shifted_pair(*SIZE, 8)
+    rng = np.random.default_rng(3)
+    grain = rng.normal(0, 6, (count, 2, *left.shape))
+    return [
+        tuple(np.clip(view + grain[n, i], 0, 255).astype(np.uint8) for i, view in enumerate((left, right)))
+        for n in range(count)
+    ]
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_temporal_stream_flickers_less_and_is_the_same_on_any_number_of_threads(threads):
+    estimator = DepthEstimator(TINY_MODEL, threads=threads)
+    plain = np.array([result.disparity for result in estimator.stream(shaking_pairs())])
+    steady = np.array([result.disparity for result in estimator.stream(shaking_pairs(), temporal=True)])
+    np.testing.assert_array_equal(steady[0], plain[0])
+    flicker = [np.median(np.abs(np.diff(found, axis=0))) for found in (plain, steady)]
+    assert flicker[1] < 0.75 * flicker[0]
+    alone = DepthEstimator(TINY_MODEL, threads=1).stream(shaking_pairs(), temporal=True)
+    np.testing.assert_array_equal(steady, np.array([result.disparity for result in alone]))
+
+
+def test_a_temporal_stream_goes_on_after_a_frame_that_failed():
+    """The turn of the frame that failed passes to the next one."""
+    estimator = DepthEstimator(TINY_MODEL, threads=2)
+    with pytest.raises(errors.Cancelled):
+        for _ in estimator.stream(shaking_pairs(40), temporal=True):
+            estimator.cancel()
+    assert len(list(estimator.stream(shaking_pairs(3), temporal=True))) == 3

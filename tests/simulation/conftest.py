@@ -18,6 +18,6 @@ def renderer() -> Iterator[Rasteriser]:
     try:
         one = Rasteriser()
     except (DependencyMissing, RendererUnavailable) as error:
-        pytest.skip(f"no renderer on this machine: {error}")
+        pytest.skip(f"no renderer (Debian: apt-get install libegl1 libgl1-mesa-dri): {error}")
     yield one
     one.close()

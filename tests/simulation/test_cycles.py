@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.errors import RendererUnavailable
 from endosdk.simulation.camera import RectifiedPair, StereoCamera, rectified_pair
+from endosdk.simulation.cycles.blender import CyclesRenderer
 from endosdk.simulation.cycles.environment import find_python
-from endosdk.simulation.cycles.renderer import CyclesRenderer
 from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.sample import Limits, Placed, draw_light, draw_truth, load_scene, place_camera
+from endosdk.simulation.sample import DisparityLimits, Placed, draw_light, draw_truth, load_scene, place_camera
 from endosdk.simulation.scene import draw_scene
 
 CAMERA = StereoCamera(96, 72, 40.0, 10.0)
-LIMITS = Limits(0.3, 7.0)
+LIMITS = DisparityLimits(0.3, 7.0)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def cycles(renderer: Rasteriser) -> Iterator[CyclesRenderer]:
     try:
         python = find_python()
     except RendererUnavailable as error:
-        pytest.skip(f"no Blender on this machine: {error}")
+        pytest.skip(f"no Blender: {error}")
     one = CyclesRenderer(python, samples=4)
     yield one
     one.close()

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample, find_occlusion, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
-from endosdk.simulation.faults import chips, field, lens, looks, rows
+from endosdk.simulation.faults import chips, colours, field, lens, rows
 from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
 from endosdk.simulation.noise import fractal_tile
 from tests.simulation.test_sample import at_match
@@ -71,7 +71,7 @@ def test_every_fault_comes_and_either_eye_is_the_blurred_one() -> None:
     for name in ("smoke", "droplets", "glints", "rows", "fields", "labels"):
         share = np.mean([bool(getattr(one, name)) for one in drawn])
         assert 0.05 < share < 0.65, name
-    assert {one.look for one in drawn} == set(looks.LOOKS)
+    assert {one.look for one in drawn} == set(colours.LOOKS)
     assert {one.fields[0].shape for one in drawn if one.fields} == set(field.SHAPES)
     blurred = [np.sign(one.chips[0].blur_px - one.chips[1].blur_px) for one in drawn]
     assert 0.08 < np.mean(np.array(blurred) > 0) < 0.4
@@ -175,7 +175,7 @@ def test_smoke_hides_what_is_far_more_than_what_is_near(sample: Sample) -> None:
     assert contrast[1] == pytest.approx(np.exp(-0.6), abs=0.05)
 
 
-@pytest.mark.parametrize("look", [name for name in looks.LOOKS if name != "white"])
+@pytest.mark.parametrize("look", [name for name in colours.LOOKS if name != "white"])
 def test_a_look_changes_every_pixel_by_its_own_colour(sample: Sample, look: str) -> None:
     seen = spoilt(sample, look=look)
     assert np.abs(seen.left.astype(int) - sample.left).mean() > 3

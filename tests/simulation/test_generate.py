@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
@@ -59,7 +59,7 @@ def started(out: Path, *words: str, stderr: int = subprocess.DEVNULL) -> subproc
     """Start the command in a process of its own, and return when it has rendered something."""
     # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
     heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    program = f"{heed}; import sys; from endosdk.cli import main; sys.exit(main(sys.argv[1:]))"
+    program = f"{heed}; import sys; from endosdk.commands.cli import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "simulate", "--out", str(out), *SMALL, *words]
     run = subprocess.Popen(command, stderr=stderr, text=True, start_new_session=True)
     limit = time.monotonic() + 120

@@ -7,11 +7,11 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from endosdk.simulation.geometry import Mesh, build_mesh
+from endosdk.simulation.meshes import Mesh, build_mesh
 from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.sample import Limits, load_scene, place_camera
+from endosdk.simulation.sample import DisparityLimits, load_scene, place_camera
 from endosdk.simulation.scene import ORGANS, candidate_poses, draw_scene
-from endosdk.simulation.video import draw_flight
+from endosdk.simulation.stereo_video import draw_flight
 from tests.simulation.conftest import SMALL
 
 
@@ -36,7 +36,7 @@ def test_winding_tells_inside_from_outside() -> None:
 def test_cameras_stay_inside_the_lumen_and_outside_the_organs(renderer: Rasteriser, organ: str, seed: int) -> None:
     scene = draw_scene(seed, organ)
     load_scene(renderer, scene, SMALL, painted=False)
-    placed = place_camera(renderer, scene, SMALL, Limits(0.5, 17.5))
+    placed = place_camera(renderer, scene, SMALL, DisparityLimits(0.5, 17.5))
     right = placed.pose.position + placed.pose.axes[0] * SMALL.baseline_mm / placed.scale
     flight = draw_flight(scene, 50, 0)
     positions = [placed.pose.position, right]

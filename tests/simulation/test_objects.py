@@ -9,22 +9,22 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation import surfaces
-from endosdk.simulation.objects.render import render_objects
-from endosdk.simulation.objects.scene import OBJECTS
+from endosdk.simulation.objects.arrangement import OBJECTS
+from endosdk.simulation.objects.pair import render_objects
 from endosdk.simulation.patterns import PATTERNS, draw_pattern
 from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.rigs import OBJECT_SPANS, Rig, draw_camera, draw_range
+from endosdk.simulation.rigs import OBJECT_SPANS, SceneRig, draw_camera, draw_range
 from endosdk.simulation.surfaces import mesh_of
 from tests.simulation.test_sample import at_match
 
 SEEDS = range(5, 13)
 
 
-def rig_of(seed: int, width: int = 320) -> Rig:
+def rig_of(seed: int, width: int = 320) -> SceneRig:
     rng = np.random.default_rng((seed, 19))
     return draw_range(rng, *draw_camera(rng, width, None), 0.25 * width, OBJECT_SPANS)
 

@@ -11,7 +11,7 @@ import pytest
 
 from endosdk.errors import DependencyMissing
 from endosdk.simulation.camera import Pose, StereoCamera, View, aligned_pair, rectified_pair
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.rasteriser import Rasteriser
 
 CAMERA = StereoCamera(width=160, height=120, focal_px=90.0, baseline_mm=8.0)

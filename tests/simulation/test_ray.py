@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
 from tests.ray_workers import a_worker_killed
@@ -21,7 +21,7 @@ WORDS = (
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_killed_worker_loses_nothing(renderer: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    ray = pytest.importorskip("ray")
+    ray = pytest.importorskip("ray", reason="no Ray: pip install 'endosdk[ray]'")
     here, there = tmp_path / "here", tmp_path / "there"
     assert main(["simulate", "--out", str(here), *WORDS]) == 0
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)

@@ -9,18 +9,18 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample, hash_sample, read_sample, verify_dataset, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import DependencyMissing, InvalidArgument, RendererUnavailable
 from endosdk.simulation.camera import rectified_pair
+from endosdk.simulation.cycles.blender import CyclesRenderer
 from endosdk.simulation.cycles.environment import find_python
-from endosdk.simulation.cycles.renderer import CyclesRenderer
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.recipe import published, published_names
-from endosdk.simulation.render import Job, render_task
 from endosdk.simulation.sample import GENERATOR_VERSION, draw_truth, load_scene, place_camera, render_sample
 from endosdk.simulation.scene import draw_scene
+from endosdk.simulation.tasks import Job, render_task
 
 KEPT = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
 SMALL = Path(__file__).parents[1] / "data" / "endosim-gi-2020500003"
@@ -91,7 +91,7 @@ def test_a_published_path_traced_sample_is_rendered_again_to_the_bit(tmp_path: P
     try:
         traced = CyclesRenderer(find_python())
     except (RendererUnavailable, DependencyMissing) as error:
-        pytest.skip(f"no Blender on this machine: {error}")
+        pytest.skip(f"no Blender: {error}")
     try:
         if traced.version != known.renderer:
             pytest.skip(f"hashes hold for {known.renderer}; this machine has {traced.version}")
@@ -103,7 +103,7 @@ def test_a_published_path_traced_sample_is_rendered_again_to_the_bit(tmp_path: P
     assert write_sample(tmp_path, "test", sample) == known.expected[name]
 
 
-@pytest.mark.skipif(not (KEPT / "dataset.json").is_file(), reason="the Cycles split has not been rendered yet")
+@pytest.mark.skipif(not (KEPT / "dataset.json").is_file(), reason="no Cycles split: see docs/datasets/endosim-gi.md")
 def test_the_kept_pairs_are_whole_and_their_truth_can_be_made_again(renderer: Rasteriser) -> None:
     assert all(fault is None for _, fault in verify_dataset(KEPT))
     known = published("endosim-gi-cycles")

@@ -16,14 +16,14 @@ from endosdk.simulation.rigs import (
     MEASURED,
     NEAREST_MM,
     ORGAN_SPANS,
-    Rig,
+    SceneRig,
     Spans,
     draw_camera,
     draw_range,
 )
 
 
-def drawn(seed: int, height: int | None = None, spans: Spans = ORGAN_SPANS) -> Rig:
+def drawn(seed: int, height: int | None = None, spans: Spans = ORGAN_SPANS) -> SceneRig:
     rng = np.random.default_rng(seed)
     return draw_range(rng, *draw_camera(rng, 480, height), largest=120.0, spans=spans)
 

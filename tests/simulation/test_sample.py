@@ -11,7 +11,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import StereoCamera, rectified_pair
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.sample import (
-    Limits,
+    DisparityLimits,
     draw_light,
     draw_truth,
     load_scene,
@@ -21,7 +21,7 @@ from endosdk.simulation.sample import (
 from endosdk.simulation.scene import ORGANS, draw_scene
 from tests.simulation.conftest import SMALL
 
-LIMITS = Limits(0.5, 17.5)
+LIMITS = DisparityLimits(0.5, 17.5)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,9 @@ def test_views_match_best_at_the_true_disparity(renderer: Rasteriser, organ: str
     scene = draw_scene(12, organ)
     load_scene(renderer, scene, camera)
     pair = rectified_pair(camera)
-    placed, truth = draw_truth(renderer, place_camera(renderer, scene, camera, Limits(1, 35)), pair, Limits(1, 35))
+    placed, truth = draw_truth(
+        renderer, place_camera(renderer, scene, camera, DisparityLimits(1, 35)), pair, DisparityLimits(1, 35)
+    )
     light = [
         draw_light(renderer, v, placed, pair, d, (placed.pose,))
         for v, d in zip((pair.left, pair.right), truth, strict=True)
@@ -96,7 +98,7 @@ def test_a_tool_that_would_lie_at_a_lens_is_left_out(renderer: Rasteriser, seed:
     scene = draw_scene(seed, "gi")
     assert scene.instrument is not None
     load_scene(renderer, scene, SMALL, painted=False)
-    placed = place_camera(renderer, scene, SMALL, Limits(2 / 4, 69.5 / 4))
+    placed = place_camera(renderer, scene, SMALL, DisparityLimits(2 / 4, 69.5 / 4))
     assert placed.scene.instrument is None
     assert placed.scale < 30
 
@@ -114,7 +116,7 @@ def test_the_same_seed_gives_the_same_bits(renderer: Rasteriser, samples: dict[s
 @pytest.mark.parametrize(("smallest", "largest"), [(0.0, 60.0), (30.0, 20.0), (2.0, 300.0), (10.0, 30.0)])
 def test_impossible_limits_are_refused(smallest: float, largest: float) -> None:
     with pytest.raises(InvalidArgument, match=r"^limits: "):
-        Limits(smallest, largest)
+        DisparityLimits(smallest, largest)
 
 
 @pytest.mark.parametrize(

@@ -9,23 +9,23 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.camera import Pose, StereoCamera, look
 from endosdk.simulation.effects import Effects
 from endosdk.simulation.organ import SHARED_BY, render_organ
 from endosdk.simulation.rasteriser import Rasteriser
-from endosdk.simulation.rigs import Rig
+from endosdk.simulation.rigs import SceneRig
 from endosdk.simulation.surfaces import mesh_of
 from endosdk.simulation.tools import pieces
 from endosdk.simulation.tools.materials import TONES, draw_material
-from endosdk.simulation.tools.place import View, draw_tools, into_organ
+from endosdk.simulation.tools.place import BareView, draw_tools, into_organ
 from tests.simulation.test_objects import detail
 from tests.simulation.test_sample import at_match
 
 CAMERA = StereoCamera(320, 240, 300.0, 4.2)
-RIG = Rig(CAMERA, (150.0, 126.0), "middle", farthest=5.0, nearest=24.0, limit=80.0)
+RIG = SceneRig(CAMERA, (150.0, 126.0), "middle", farthest=5.0, nearest=24.0, limit=80.0)
 SEEDS = (9, 10, 12)  # the first two look at one organ
 
 
@@ -65,7 +65,7 @@ def test_a_material_has_its_tone(name: str) -> None:
 
 
 def test_tools_stand_between_the_tissue_and_the_nearest_that_the_rig_may_show() -> None:
-    view = View(RIG, np.full((240, 320), 60.0, np.float32), 60.0)
+    view = BareView(RIG, np.full((240, 320), 60.0, np.float32), 60.0)
     sizes = []
     for seed in range(40):
         found, described = draw_tools(np.random.default_rng(seed), view)
@@ -80,7 +80,7 @@ def test_tools_stand_between_the_tissue_and_the_nearest_that_the_rig_may_show() 
 
 
 def test_a_surface_comes_back_from_the_organ_where_it_was() -> None:
-    view = View(RIG, np.full((240, 320), 60.0, np.float32), 60.0)
+    view = BareView(RIG, np.full((240, 320), 60.0, np.float32), 60.0)
     surface = draw_tools(np.random.default_rng(1), view)[0][0]
     pose, scale = look(np.array([3.0, -4.0, 5.0]), np.array([10.0, 2.0, 50.0]), 0.7), 2.5
     moved = into_organ(surface, pose, scale)[0]

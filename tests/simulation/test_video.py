@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample, verify_dataset
 from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.scene import draw_scene
-from endosdk.simulation.video import draw_flight
+from endosdk.simulation.stereo_video import draw_flight
 
 WORDS = (
     *("--organ", "stomach", "--seed", "3", "--width", "64", "--height", "48", "--focal", "27"),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import nn
 
-from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import StereoNetwork
 
@@ -18,7 +18,7 @@ class Exported(NamedTuple):
 
     network: StereoNetwork
     path: Path
-    info: ModelInfo
+    info: ModelDescription
 
 
 def shaken(network: StereoNetwork) -> StereoNetwork:
@@ -39,10 +39,10 @@ def shaken(network: StereoNetwork) -> StereoNetwork:
 def export_into(folder: Path, name: str) -> Exported:
     """Write a network whose weights leave no layer idle."""
     torch.manual_seed(1)
-    network = shaken(build_network(name, max_disparity=40))
+    network = shaken(build_network(name, max_disparity=80 if name == "cascade" else 40))
     with torch.no_grad():
         weights = network.confidence.weights
-        weights.copy_(torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2])[: len(weights)])
-    exported = Exported(network, folder / f"{name}.onnx", ModelInfo(name, "3", training={"recipe": "none"}))
+        weights.copy_(torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1])[: len(weights)])
+    exported = Exported(network, folder / f"{name}.onnx", ModelDescription(name, "3", training={"recipe": "none"}))
     export_model(network, exported.path, exported.info)
     return exported

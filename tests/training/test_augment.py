@@ -7,7 +7,7 @@ from tests.training.warped_scenes import constant_pair, warped_pair
 CROP = (96, 192)
 
 
-def agreement(pair):
+def matching(pair):
     """Mean grey difference between the left view and the right one read where the disparity says."""
     height, width = pair.disparity.shape
     x = np.arange(width)[None] - pair.disparity
@@ -28,13 +28,13 @@ def whole(seed=0, size=(256, 384)):
 def test_the_truth_follows_crop_scale_and_flips(seed, monkeypatch):
     """Geometry alone: with the changes of colour and sensor left out, both views still agree."""
     same = {"_colours": lambda left, right, *_: (left, right), "_sensor": lambda view, *_: view}
-    still = {"_misaligned": lambda view, *_: view, "_occluded": lambda view, *_: view}
+    still = {"looks.misaligned": lambda view, *_, **__: view, "_occluded": lambda view, *_: view}
     for name, replacement in (same | still).items():
         monkeypatch.setattr(f"endosdk.training.augment.{name}", replacement)
     pair = random_pair(whole(seed), None, CROP, np.random.default_rng(seed))
     assert pair.left.shape == (*CROP, 3)
-    difference, share = agreement(pair)
-    wrong, _ = agreement(Pair(pair.left, pair.right, pair.disparity + 4))
+    difference, share = matching(pair)
+    wrong, _ = matching(Pair(pair.left, pair.right, pair.disparity + 4))
     assert share > 0.5
     assert difference < 4.0
     assert 2 * difference < wrong
@@ -44,8 +44,8 @@ def test_the_mirrored_pair_is_a_pair():
     left, right, truth = constant_pair(3, CROP, 7)
     truth_right = np.full_like(truth, 7.0)
     mirrored = mirror(left, right, truth_right)
-    assert agreement(mirrored)[0] == 0.0
-    assert agreement(Pair(right[:, ::-1], left[:, ::-1], truth_right + 3))[0] > 3.0
+    assert matching(mirrored)[0] == 0.0
+    assert matching(Pair(right[:, ::-1], left[:, ::-1], truth_right + 3))[0] > 3.0
 
 
 def test_the_mirror_is_used_half_of_the_time():
@@ -81,4 +81,4 @@ def test_a_plain_crop_is_cut_and_nothing_else():
     windows = np.lib.stride_tricks.sliding_window_view(pair.disparity, CROP)
     found = np.argwhere(windows[:, :, 0, 0] == drawn.disparity[0, 0])
     assert any(np.array_equal(windows[y, x], drawn.disparity) for y, x in found)
-    assert agreement(drawn)[0] < 3.0
+    assert matching(drawn)[0] < 3.0

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from safetensors import safe_open
+from safetensors.torch import save as safetensors_bytes
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument, StorageFailed
@@ -47,11 +48,29 @@ def test_everything_comes_back(tmp_path, optimiser_name):
             assert torch.equal(fresh.state_dict()["state"][index][name], value)
 
 
-def test_a_network_answers_for_the_cells_it_was_trained_for(tmp_path):
-    config = TrainConfig(network="wang2020", max_disparity=32, answer_cell=4)
+def test_a_network_has_the_output_stride_it_was_trained_for(tmp_path):
+    config = TrainConfig(network="wang2020", max_disparity=32, output_stride=4)
     network = build_network("wang2020", 32)
     checkpoint.save(tmp_path / checkpoint.LAST, config, 7, STATE, network, torch.optim.SGD(network.parameters()))
     assert checkpoint.load(tmp_path).build().deployed_stride == 4
+
+
+@pytest.mark.parametrize(
+    ("network_name", "cells", "stride"), [("wang2020", 4, 4), ("wang2020", 1, 1), ("fast", 2, 4), ("fast", 1, 2)]
+)
+def test_older_checkpoints_counted_cells_of_the_networks_map(tmp_path, network_name, cells, stride):
+    config = TrainConfig(network=network_name, max_disparity=32)
+    network = build_network(network_name, 32)
+    file = tmp_path / checkpoint.LAST
+    checkpoint.save(file, config, 7, STATE, network, torch.optim.SGD(network.parameters()))
+    with safe_open(file, framework="pt") as archive:
+        header, tensors = archive.metadata(), {name: archive.get_tensor(name) for name in archive.keys()}
+    settings = json.loads(header["config"])
+    assert settings.pop("output_stride") is None
+    file.write_bytes(safetensors_bytes(tensors, header | {"config": json.dumps(settings | {"answer_cell": cells})}))
+    loaded = checkpoint.load(file)
+    assert loaded.config.output_stride == (None if cells == 1 else stride)
+    assert loaded.build().deployed_stride == stride
 
 
 def test_the_file_is_plain_safetensors_with_json(tmp_path):
@@ -92,7 +111,6 @@ def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path
     ("name", "model"),
     [
         ("fast", "fast-fp32"),
-        ("fast-25", "fast-25-fp32"),
         ("fast-320", "fast-320-fp32"),
         ("accurate", "accurate-fp32"),
         ("wang2020", "wang2020"),
@@ -113,9 +131,7 @@ def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkey
     checkpoint.save(Path("fast") / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
     assert checkpoint.load(Path("fast")).step == checkpoint.load(checkpoint.starting_point("./fast")).step == 7
     assert checkpoint.load(checkpoint.starting_point("fast")).step > 7
-    with pytest.raises(
-        InvalidArgument, match=r"init_from: .* one of fast, fast-25, fast-320, accurate, wang2020; got fats"
-    ):
+    with pytest.raises(InvalidArgument, match=r"init_from: .* one of fast, fast-320, accurate, wang2020; got fats"):
         checkpoint.starting_point("fats")
 
 
@@ -180,8 +196,8 @@ def test_a_set_by_itself_is_no_list_of_sets():
 
 
 def test_unknown_settings_are_refused():
-    with pytest.raises(InvalidArgument, match="epochs"):
-        TrainConfig.from_dict({"epochs": 16})
+    with pytest.raises(InvalidArgument, match="rounds"):
+        TrainConfig.from_dict({"rounds": 16})
 
 
 def test_weights_of_another_shape_are_named(tmp_path):
@@ -205,3 +221,60 @@ def test_the_rate_may_fall_linearly():
     assert config.rate_at(500) == pytest.approx(5.05e-4)
     assert config.rate_at(1000) == pytest.approx(1e-5)
     assert config.rate_at(5000) == pytest.approx(1e-5)
+
+
+def test_the_rate_may_be_held_within_epochs_and_fall_by_one_factor_between_them():
+    config = TrainConfig(steps=1600, rate=1e-3, final_rate=3e-5, warmup=0, decay="epochs", epochs=16)
+    rates = [config.rate_at(step) for step in range(1600)]
+    assert len({round(rate, 12) for rate in rates}) == 16
+    assert all(rates[100 * epoch] == rates[100 * epoch + 99] for epoch in range(16))
+    factors = [rates[100 * (epoch + 1)] / rates[100 * epoch] for epoch in range(15)]
+    assert factors == pytest.approx([(3e-5 / 1e-3) ** (1 / 15)] * 15)
+    assert rates[0] == 1e-3 and rates[-1] == pytest.approx(3e-5) and config.rate_at(9999) == pytest.approx(3e-5)
+    assert replace(config, epochs=1).rate_at(1599) == 1e-3
+
+
+def test_the_rate_may_drop_once_after_two_thirds():
+    config = TrainConfig(steps=300, rate=5e-4, final_rate=5e-5, warmup=0, decay="drop")
+    assert {config.rate_at(step) for step in range(200)} == {5e-4}
+    assert {config.rate_at(step) for step in range(200, 300)} == {5e-5}
+
+
+PART = "aggregation.surroundings"
+
+
+def test_weights_from_before_the_surroundings_keep_their_meaning():
+    torch.manual_seed(0)
+    network = build_network("fast", 32).eval()
+    whole = checkpoint.Checkpoint(CONFIG, 7, STATE, network.state_dict(), {})
+    older = {name: tensor for name, tensor in network.state_dict().items() if not name.startswith(PART)}
+    assert len(older) < len(network.state_dict())
+    views = torch.rand(2, 1, 3, 64, 96) * 255
+    with torch.no_grad():
+        expected = whole.build()(*views).disparities[-1]
+        found = replace(whole, network=older).build()(*views).disparities[-1]
+    assert torch.equal(found, expected)
+    without = {name: tensor for name, tensor in older.items() if "stem" not in name}
+    with pytest.raises(InvalidArgument, match="must hold the weights of fast"):
+        replace(whole, network=without).build()
+
+
+def test_surroundings_of_other_planes_are_taken_from_the_nearest():
+    torch.manual_seed(0)
+    network = build_network("fast", 32)
+    for name, values in network.named_parameters():
+        if name.startswith(PART):
+            torch.nn.init.normal_(values, std=0.1)
+    saved = checkpoint.Checkpoint(CONFIG, 7, STATE, network.state_dict(), {})
+    nearer = build_network("fast", 64, dense_disparity=32)  # planes at 0..28 as before, and at 32, 40, 48, 56
+    saved.load_into(nearer)
+    old, new = network.aggregation.surroundings, nearer.aggregation.surroundings
+    torch.testing.assert_close(new.last.weight[:28], old.last.weight[:28], rtol=0, atol=0)
+    for plane in range(8, 12):
+        assert torch.equal(new.last.bias[4 * plane : 4 * plane + 4], old.last.bias[28:32])
+    # A volume that is the same in all planes that came from one gives what that one gave.
+    volume, view = torch.rand(1, 8, 16, 8, 12), torch.rand(1, 32, 16, 24)
+    wider = volume[:, [*range(8), 7, 7, 7, 7]]
+    with torch.no_grad():
+        expected = old.eval()(volume.flatten(1, 2), view)
+        torch.testing.assert_close(new.eval()(wider.flatten(1, 2), view)[:, :32], expected, rtol=1e-4, atol=1e-5)

@@ -9,7 +9,6 @@ import torch
 
 from endosdk import _core
 from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
-from endosdk.runtime.seal import KEY
 from endosdk.training.data import planar
 from endosdk.training.export import export_model
 from endosdk.training.networks import build_network
@@ -72,11 +71,11 @@ def test_torch_and_file_agree_at_three_sizes(model):
     assert json.loads(json.dumps(report)) == report
 
 
-def test_a_file_may_answer_for_cells_of_several_pixels(exported, tmp_path):
+def test_a_file_may_have_a_larger_output_stride(exported, tmp_path):
     network, whole, info = exported["wang2020"]
     file = tmp_path / "cells.onnx"
     network = copy.deepcopy(network)
-    network.answer_in_cells(4)
+    network.deploy_at(4)
     export_model(network, file, info)
     assert ort.InferenceSession(file).get_modelmeta().custom_metadata_map["endosdk.output_stride"] == "4"
     left, right, _ = warped_pair(5, (96, 160))
@@ -88,11 +87,14 @@ def test_a_file_may_answer_for_cells_of_several_pixels(exported, tmp_path):
         np.testing.assert_allclose(mean, fine.reshape(1, 1, 24, 4, 40, 4).mean(axis=(3, 5)), rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.parametrize("cell", [0, 3, 16])
-def test_cells_must_fill_the_input(exported, cell):
-    network, _, _ = exported["wang2020"]
-    with pytest.raises(InvalidArgument, match=f"answer_cell: must divide 8, for wang2020; got {cell}"):
-        network.answer_in_cells(cell)
+@pytest.mark.parametrize(
+    ("name", "own", "stride"), [("wang2020", 1, 0), ("wang2020", 1, 3), ("wang2020", 1, 16), ("fast", 2, 1)]
+)
+def test_the_output_stride_must_fit(name, own, stride):
+    network = build_network(name, 40)
+    rule = f"must be a multiple of {own} that divides 8, for {name}"
+    with pytest.raises(InvalidArgument, match=f"output_stride: {rule}; got {stride}"):
+        network.deploy_at(stride)
 
 
 def test_a_batch_is_answered_pair_by_pair(model):
@@ -113,7 +115,7 @@ def test_the_graph_is_the_one_that_runs_fast(model):
     kinds = [node.op_type for node in onnx.load(path).graph.node]
     assert "BatchNormalization" not in kinds
     planes = network.max_disparity // 8  # of wang2020, whose five layers of aggregation run for each apart
-    assert kinds.count("Conv") == {"wang2020": 18 + 5 * planes, "fast": 22}[network.name]
+    assert kinds.count("Conv") == {"wang2020": 18 + 5 * planes, "fast": 34}[network.name]
     graph = onnx.load(path).graph
     ranks = {len(weight.dims) for weight in graph.initializer if weight.name.endswith("weight")}
     assert 5 not in ranks  # no 3-D convolution is left
@@ -160,7 +162,8 @@ def test_the_shipped_tiny_model_is_the_one_its_generator_makes(tmp_path):
     export_model(network, tmp_path / "tiny.onnx", INFO)
     shipped, made = (ort.InferenceSession(path) for path in (FILE, tmp_path / "tiny.onnx"))
     stated, again = ({**session.get_modelmeta().custom_metadata_map} for session in (shipped, made))
-    assert stated.pop(KEY) and again.pop(KEY)  # the bytes depend on the version of torch, and the seal on the bytes
+    # The bytes depend on the version of torch, and the seal on the bytes.
+    assert stated.pop(_core.seal_key) and again.pop(_core.seal_key)
     assert stated == again
     check_parity(network, FILE, parity_pairs(*warped_pair(5, (96, 128))[:2]))
     assert FILE.stat().st_size < 20_000

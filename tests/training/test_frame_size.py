@@ -15,7 +15,13 @@ from tests.training.warped_scenes import warped_pair
 
 @pytest.mark.parametrize(
     ("frame", "seen"),
-    [((320, 240), (320, 240)), ((640, 480), (480, 360)), ((1280, 720), (480, 270)), ((1920, 1080), (480, 270))],
+    [
+        ((320, 240), (480, 360)),
+        ((480, 270), (480, 270)),
+        ((640, 480), (480, 360)),
+        ((1280, 720), (480, 270)),
+        ((1920, 1080), (480, 270)),
+    ],
 )
 def test_frames_are_seen_at_the_inference_width(frame, seen):
     assert seen_size(*frame, 480) == seen
@@ -85,7 +91,7 @@ def test_maps_come_back_at_the_size_of_the_frame():
     reader = noise(101, 963)
     (frame,) = predict_frames(network, reader, [0])
     assert all(found.shape == (101, 963) for found in frame.maps)
-    assert frame.evidence.shape == (5, 101, 963)
+    assert frame.columns.shape == (6, 101, 963)
     # What the network answers at the width that it sees is less than what the frame's pixels say, by the reduction.
     size = seen_size(963, 101, 480)
     assert frame.reduction == 963 / 480

@@ -25,6 +25,6 @@ def faults(how):
     return int(found.stdout)
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="sets an allocator that is not there")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="sets the allocator of glibc, which only Linux has")
 def test_block_that_was_freed_is_handed_out_again_without_the_system():
     assert faults("kept") < 100 < 20_000 < faults("not")

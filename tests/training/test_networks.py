@@ -22,7 +22,7 @@ from endosdk.training.networks.wang2020_export import PlaneAggregation, in_block
 from tests.training.exported_networks import shaken
 from tests.training.warped_scenes import warped_pair
 
-# By name, not all that is known: benchmarks add rivals to the list, which promise less.
+# By name, not all that is known: benchmarks add networks to the list, which promise less.
 OURS = ("fast", "wang2020", "wang2020-photometric")
 
 
@@ -63,7 +63,7 @@ def test_the_pictures_correct_the_coarse_map_of_the_same_network():
 
 
 def test_fast_is_small():
-    assert 0.05e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.2e6
+    assert 0.2e6 < sum(p.numel() for p in build_network("fast").parameters()) < 0.5e6
 
 
 @pytest.mark.parametrize("name", OURS)

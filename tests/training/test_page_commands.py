@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from tests.training.warped_set import write_warped_set
 
 PAGE = Path(__file__).parents[2] / "docs" / "command-line.md"

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.training.config import TrainConfig
 from endosdk.training.sets import JoinedReader, open_sets, split_pairs
@@ -28,6 +29,36 @@ def test_several_sets_read_as_one(roots):
     assert reader.sha256 != open_sets(roots[::-1], "train", "endosdk").sha256
     with pytest.raises(InvalidArgument, match="data"):
         open_sets([], "train", "endosdk")
+
+
+class Films(DatasetReader):
+    """So many frames of each film, of which nothing but the ids is there."""
+
+    def __init__(self, *frames):
+        self.split, self.name = "train", "films"
+        self.ids = tuple(f"{film:09d}-{frame:04d}" for film, count in enumerate(frames) for frame in range(count))
+
+
+def test_no_frame_of_a_film_that_is_held_out_is_trained_on(caplog):
+    reader = Films(10, 10, 10)
+    learned, held_out = split_pairs(reader, TrainConfig(held_out=4))
+    assert learned == list(range(20))
+    assert held_out == [20, 23, 26, 29]
+    learned, held_out = split_pairs(reader, TrainConfig(held_out=12))
+    assert learned == list(range(10))
+    assert len(set(held_out)) == 12 and {reader.film(index) for index in held_out} == {"000000001", "000000002"}
+    assert split_pairs(reader, TrainConfig(held_out=20)) == (list(range(10)), list(range(10, 30)))
+    assert split_pairs(reader, TrainConfig(held_out=25)) == (list(range(10)), list(range(10, 30)))
+    assert split_pairs(reader, TrainConfig(held_out=0)) == (list(range(30)), [])
+    joined = JoinedReader([Films(5, 5), Films(4, 4)])
+    assert split_pairs(joined, TrainConfig(held_out=2)) == ([*range(5), *range(10, 14)], [5, 9, 14, 17])
+    assert joined.film(13) == joined.film(10) != joined.film(14)
+    assert caplog.text == ""
+
+
+def test_a_set_of_one_film_is_split_with_a_warning(caplog):
+    assert split_pairs(Films(6), TrainConfig(held_out=2)) == ([0, 1, 2, 3], [4, 5])
+    assert "films is one film" in caplog.text
 
 
 def test_the_last_pairs_of_every_set_are_held_out(roots):

@@ -5,7 +5,7 @@ import numpy as np
 import onnxruntime as ort
 import pytest
 
-from endosdk.cli import main
+from endosdk.commands.cli import main
 from endosdk.datasets.dataset import DatasetReader, Sample, write_dataset_record, write_sample
 from endosdk.runtime.models import shipped_weights
 from endosdk.training import checkpoint
@@ -55,6 +55,11 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     for start in (str(weights), "fast"):
         begun = ["--data", str(dataset_root), "--out", str(tmp_path / f"from-{len(start)}"), "--init-from", start]
         assert main(["train", *begun, "--steps", "1", *common]) == 0
+    printed = capsys.readouterr().out
+    assert "from fast: dense_disparity 48, mode_reach 2, inference_width none, looks tone colours" in printed
+    rate = checkpoint.load(checkpoint.starting_point("fast")).config.rate_after(checkpoint.DONE)
+    assert f"decay linear, epochs 16, weight_decay 0.0001, rate {rate:.3g}, final_rate 1e-05\n" in printed
+    assert checkpoint.load(tmp_path / "from-4").config.optimiser == "muon"
 
 
 @pytest.mark.parametrize(

@@ -60,11 +60,11 @@ def test_only_the_refined_map_of_a_smaller_grid_is_guided() -> None:
     assert not torch.allclose(refined, bilinear)
 
 
-def test_a_network_trained_for_cells_is_seen_as_it_is_deployed() -> None:
+def test_a_network_trained_for_a_larger_output_stride_is_seen_as_it_is_deployed() -> None:
     torch.manual_seed(0)
     network = build_network("wang2020", 48).eval()
     torch.nn.init.normal_(network.refinement[-1].weight, std=0.3)
-    network.answer_in_cells(4)
+    network.deploy_at(4)
     left, right = torch.randint(0, 256, (2, 1, 3, 64, 96), dtype=torch.uint8)
     with torch.inference_mode():
         cells, confidence = Deployed(network)(left, right)

@@ -13,7 +13,7 @@ A complete program, for a rig whose frames are already rectified:
         endo_options options;
         endo_options_init(&options, sizeof options);
         endo_estimator *estimator = NULL;
-        if (endo_open_file("wang2020.onnx", &options, &estimator) != ENDO_OK) {
+        if (endo_open_file("fast.onnx", &options, &estimator) != ENDO_OK) {
             fprintf(stderr, "%s\n", endo_last_error());
             return EXIT_FAILURE;
         }
@@ -51,14 +51,20 @@ are only ever appended. A field that your library does not know must be zero, el
 
 Units: pixels, millimetres, milliseconds. Pixel (0, 0) is the centre of the first pixel. x_right = x_left - disparity.
 
-Networks and files: the library opens no socket, and no file but the model and ONNX Runtime's own library. */
+Networks and files: the library opens no socket, and no file but the model and ONNX Runtime's own library.
+
+Windows: paths are UTF-8. Define ENDOSDK_STATIC where you link the static library. */
 #ifndef ENDOSDK_H
 #define ENDOSDK_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-#if defined(__GNUC__)
+#if defined(_WIN32) && defined(ENDOSDK_BUILDING)
+#define ENDO_API __declspec(dllexport)
+#elif defined(_WIN32) && !defined(ENDOSDK_STATIC)
+#define ENDO_API __declspec(dllimport)
+#elif defined(__GNUC__) && !defined(_WIN32)
 #define ENDO_API __attribute__((visibility("default")))
 #else
 #define ENDO_API
@@ -92,7 +98,8 @@ typedef enum endo_status {
     ENDO_CANCELLED = 18,
     ENDO_OUT_OF_MEMORY = 19,             /* memory, or the number of threads this process may have, is used up */
     ENDO_SELF_TEST_FAILED = 20,
-    ENDO_INTERNAL = 21                   /* a bug: please report it with endo_get_diagnostics */
+    ENDO_INTERNAL = 21,                  /* a bug: please report it with endo_get_diagnostics */
+    ENDO_RUNTIME_HASH_MISMATCH = 23      /* not the file that options.runtime_sha256 asks for */
 } endo_status;
 
 /* ---- Library ---- */
@@ -121,15 +128,15 @@ typedef struct endo_options {
     int32_t threads;             /* processor threads per stage, 1 to 256; 0: as many as cores, at most 8 */
     int32_t spinning;            /* 1: waiting network threads poll (default); 0: they sleep, for less power */
     int32_t log_level;           /* the least severe endo_log_level that is logged; default ENDO_LOG_WARNING */
-    const char *provider;        /* "cpu" (default, also NULL), "cuda", "tensorrt", "openvino", "directml", "coreml",
-                                    "xnnpack", "webgpu" or the full name of an ONNX Runtime provider */
+    const char *provider;        /* "cpu" (default, also NULL), another short name, such as "cuda", or the full name of an
+                                    ONNX Runtime provider; docs/device/providers.md has the table */
     const char *runtime_library; /* path of libonnxruntime; NULL: see docs/c-library.md for where it is looked for */
     const char *model_sha256;    /* 64 hexadecimal digits that the model's bytes must hash to; NULL: any model */
     endo_log_function log;       /* NULL: silence */
     void *log_context;           /* handed to log */
-    int32_t network_width;       /* size the network works at; 0: at most the model's inference width; see docs */
+    int32_t network_width;       /* size the network works at; 0: the model's inference width; see docs */
     int32_t network_height;      /* wide. Smaller is faster and finds larger disparities; maps keep the frames' size */
-    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.3 */
+    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.5 */
     double min_depth_mm;         /* depth outside the range is no answer; default 0 */
     double max_depth_mm;         /* default infinity */
     double depth_unit_mm;        /* one step of depth_u16; default 0.1 */
@@ -137,6 +144,12 @@ typedef struct endo_options {
     const char *float32_model;   /* path of the same model in float32, opened instead where the processor or the provider
                                     has no fast 8-bit arithmetic (a log line says so); NULL: there is none */
     const char *float32_model_sha256; /* as model_sha256, for that file */
+    const char *const *provider_options; /* the provider's own options, each "key=value", with NULL after the last; they
+                                    are passed on unchanged. NULL: none */
+    const char *runtime_sha256;  /* 64 hexadecimal digits that the file runtime_library must hash to, checked before
+                                    anything of it runs. NULL: any. Libraries of providers beside it are not covered */
+    double max_age_ms;           /* a pair that was taken longer ago, by endo_result.stamp_ns, is STALE; every pair must
+                                    then have a stamp. 0 (default): none is */
 } endo_options;
 
 /* Fill options with the defaults; struct_size is sizeof(endo_options). */
@@ -202,22 +215,66 @@ typedef struct endo_image {
     int64_t stride;                   /* bytes from a row to the next, negative for bottom-up frames; 0: rows are tight */
 } endo_image;
 
-/* Why a pixel is not valid: bits of endo_result.reasons. */
-typedef enum endo_reason {
-    ENDO_REASON_LOW_CONFIDENCE = 1,   /* the network does not trust its own answer, or the views do not agree on it */
-    ENDO_REASON_OCCLUDED = 2,         /* a nearer surface covers the match in the right view */
-    ENDO_REASON_OUTSIDE_OVERLAP = 4,  /* only one camera sees the point */
-    ENDO_REASON_OUT_OF_RANGE = 8,     /* no finite positive depth, outside the range of the options, or nearer than
-                                         the model can find */
-    ENDO_REASON_SATURATED = 16        /* glare: all colours of the left view are blown out */
-} endo_reason;
+/* Why a pixel is not valid: bits of endo_result.reasons, such as ENDO_REASON_OCCLUDED. Each has its name, bit and meaning here;
+   give ENDO_REASONS a macro of your own for a table of them. */
+#define ENDO_REASONS(REASON) \
+    REASON(LOW_CONFIDENCE, 1, "the network does not trust its own answer, or the two views do not agree on it") \
+    REASON(OCCLUDED, 2, "a nearer surface covers the match in the right view") \
+    REASON(OUTSIDE_OVERLAP, 4, "the right camera does not see this point, or the lens map has no source pixel") \
+    REASON(OUT_OF_RANGE, 8, "no finite positive depth, one outside the range asked for, or one that the network cannot find") \
+    REASON(SATURATED, 16, "all three colours of the left view are blown out: glare") \
+    REASON(OUTSIDE_VIEW, 32, "outside the field of view: the optics do not fill this part of the left view")
 
-/* One word on a whole frame, from the share of pixels that have an answer. */
+#define ENDO_REASON_BIT(name, bit, meaning) ENDO_REASON_##name = bit,
+typedef enum endo_reason { ENDO_REASONS(ENDO_REASON_BIT) } endo_reason;
+#undef ENDO_REASON_BIT
+
+/* One word on a whole frame. It follows from the frame's causes by the table in docs/trust.md. */
 typedef enum endo_quality {
-    ENDO_QUALITY_OK = 0,              /* at least half */
-    ENDO_QUALITY_DEGRADED = 1,        /* less than half */
-    ENDO_QUALITY_INVALID = 2          /* less than a twentieth, or the call failed: do not use this frame */
+    ENDO_QUALITY_OK = 0,              /* nothing is wrong with the frame */
+    ENDO_QUALITY_DEGRADED = 1,        /* something is wrong; pixels that have an answer can be used */
+    ENDO_QUALITY_INVALID = 2          /* do not use this frame: no pixel has an answer, or the call failed */
 } endo_quality;
+
+/* What is wrong with a frame: places in endo_result.measures, and bits of endo_result.causes, 1 << cause. Later releases
+   may add more, up to ENDO_MOST_CAUSES. What each measure counts, and what to do, stands in docs/trust.md. */
+typedef enum endo_cause {
+    ENDO_CAUSE_COVERED = 0,           /* a lens is covered, dirty or without signal */
+    ENDO_CAUSE_SATURATED = 1,         /* glare or too much light */
+    ENDO_CAUSE_BLURRED = 2,           /* one view is out of focus or dirty */
+    ENDO_CAUSE_DIM = 3,               /* there is too little light */
+    ENDO_CAUSE_FROZEN = 4,            /* a camera or a grabber repeats an old picture */
+    ENDO_CAUSE_NOT_SIMULTANEOUS = 5,  /* the two views are of different moments */
+    ENDO_CAUSE_SAME_VIEW_TWICE = 6,   /* one camera is connected to both inputs */
+    ENDO_CAUSE_SWAPPED = 7,           /* the right camera is connected to the left input */
+    ENDO_CAUSE_NOT_RECTIFIED = 8,     /* the rows of the two views do not correspond */
+    ENDO_CAUSE_RIG_MOVED = 9,         /* the cameras have moved since they were calibrated */
+    ENDO_CAUSE_OUT_OF_RANGE = 10,     /* the surface is too near, too far, or beyond the depths asked for */
+    ENDO_CAUSE_LOW_TEXTURE = 11,      /* there is nothing to compare in the pictures */
+    ENDO_CAUSE_LATE = 12,             /* the frame took longer than its deadline */
+    ENDO_CAUSE_VIEWS_DIFFER = 13,     /* the two views do not show the same */
+    ENDO_CAUSE_FEW_VALID = 14,        /* few pixels have an answer */
+    ENDO_CAUSE_STALE = 15             /* the pair was taken longer ago than options.max_age_ms */
+} endo_cause;
+
+#define ENDO_MOST_CAUSES 32
+
+/* Name of a cause, such as "COVERED"; "UNKNOWN" for other numbers. */
+ENDO_API const char *endo_cause_name(int32_t cause);
+
+/* What a result was computed with. Texts end with zero; longer ones are cut. Empty where there is none, and after a
+   failure. */
+typedef struct endo_identity {
+    char endosdk[16];                 /* version of this library */
+    char model[104];
+    char model_version[32];
+    char model_sha256[72];
+    char calibration_sha256[72];
+    char runtime[32];                 /* version of ONNX Runtime */
+    char runtime_sha256[72];          /* of its library's file */
+    char provider[40];                /* what computed the network, by ONNX Runtime's own name */
+    char device[72];                  /* the processor of this machine, by its maker's name */
+} endo_identity;
 
 /* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it.
    When endo_predict fails after it accepted this struct, every pixel reads as one without an answer. */
@@ -240,6 +297,23 @@ typedef struct endo_result {
     double postprocess_ms;
     int32_t late;                     /* out: 1 when the call took longer than options.deadline_ms, waiting for others included */
     int32_t reserved;                 /* must be 0 */
+    uint64_t causes;                  /* out: what is wrong with the frame, bits 1 << endo_cause */
+    double measures[ENDO_MOST_CAUSES]; /* out: what was measured of each endo_cause; NaN where nothing was */
+    /* What the pictures tell of the rig; NaN where too little could be measured. Rotations are those of the right camera
+       against the calibration, about x, y and z of the rectified frame; NaN without a calibration. */
+    double vertical_disparity_px;     /* out: rows that do not match, root mean square over the picture */
+    double vertical_disparity_se_px;  /* out: its standard error */
+    double rotation_deg[3];           /* out: of this frame alone */
+    double rotation_se_deg[3];
+    double steady_rotation_deg[3];    /* out: over the frames so far, corrections not counted */
+    double steady_rotation_se_deg[3];
+    double corrected_deg[3];          /* out: what the rectification made up for: see endo_stream_follow_rig */
+    int32_t drifted;                  /* out: 1 when the steady rotation is over 0.1 degree, and no chance */
+    int32_t reserved2;                /* must be 0 */
+    int64_t stamp_ns;                 /* in: when the pair was taken, of CLOCK_MONOTONIC, on Windows of
+                                         QueryPerformanceCounter in nanoseconds; 0: not known */
+    double age_ms;                    /* out: age of the pair when its answer was handed out; NaN without a stamp */
+    endo_identity identity;           /* out */
 } endo_result;
 
 /* Allocate for frames of this size and run once, so that the first real frame is as fast as the others. */
@@ -275,6 +349,15 @@ frame's time on one thread. One thread may submit while another receives:
 ENDO_API endo_status endo_stream_open(endo_estimator *estimator, int32_t width, int32_t height,
                                       int32_t *frames_in_flight, endo_stream **stream);
 
+/* 1: draw each frame's disparity towards that of the frame before, moved to where its surfaces are now and only where both
+   pictures agree. Depth of what stands still flickers less. 0 (default): every frame stands alone. To be chosen before
+   the first frame. */
+ENDO_API endo_status endo_stream_set_temporal(endo_stream *stream, int32_t temporal);
+
+/* From now on, correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for certain that
+   the right camera has turned. A warning is logged at each correction. ENDO_CALIBRATION_REQUIRED without a calibration. */
+ENDO_API endo_status endo_stream_follow_rig(endo_stream *stream);
+
 /* Hand over one pair. Waits until there is room and the images were read; they may then be overwritten. The result and
    its maps must live, untouched, until endo_stream_receive returns them. */
 ENDO_API endo_status endo_stream_submit(endo_stream *stream, const endo_image *left, const endo_image *right,
@@ -300,6 +383,75 @@ ENDO_API endo_status endo_self_test(endo_estimator *estimator);
 /* Write versions, hashes, settings, frame counts and latencies as JSON into buffer, and the size it needs, with the
    final zero byte, into *needed. Either may be NULL; a buffer that is too small is an error and left empty. */
 ENDO_API endo_status endo_get_diagnostics(endo_estimator *estimator, char *buffer, size_t size, size_t *needed);
+
+/* ---- Measuring ----
+
+In the maps of one frame, with the rig it was computed for. Pixels are x and y, one after the other, of the maps: those of the
+rectified left view. A result needs depth and sigma; with reasons, a refusal names why a pixel has no depth. Standard errors
+come from sigma; errors of pixels r px apart are correlated by exp(-r / L), L 2.1 % of the width. Those of the calibration are
+not in them. */
+
+typedef struct endo_measured {
+    uint32_t struct_size;
+    int32_t reserved;                 /* must be 0 */
+    double value;                     /* mm; an area: mm squared */
+    double standard_error;            /* the true value lies within 1.96 of them with a probability of 95 % */
+} endo_measured;
+
+typedef struct endo_point {
+    uint32_t struct_size;
+    int32_t reserved;                 /* must be 0 */
+    double xyz[3];                    /* mm in the rectified left camera's frame: right, down, forward */
+    double covariance[9];             /* mm squared, row by row; long along the line of sight */
+} endo_point;
+
+typedef struct endo_area {
+    uint32_t struct_size;
+    int32_t reserved;                 /* must be 0 */
+    double flat;                      /* area of the outline on the plane that fits the surface inside best, mm squared */
+    double flat_standard_error;
+    double relief;                    /* from the lowest to the highest place across that plane, mm, without the outermost 5 % */
+    double relief_standard_error;
+    double coverage;                  /* share of the pixels inside that have a depth */
+} endo_area;
+
+/* The point that a pixel shows. */
+ENDO_API endo_status endo_point_at(const endo_calibration *calibration, const endo_result *result, double x, double y,
+                                   endo_point *point);
+
+/* Length of the line through the points at two pixels, which is their distance, or more. */
+ENDO_API endo_status endo_path_length(const endo_calibration *calibration, const endo_result *result, const double *pixels,
+                                      size_t count, endo_measured *length);
+
+/* What lies inside a polygon of three pixels or more. */
+ENDO_API endo_status endo_area_inside(const endo_calibration *calibration, const endo_result *result, const double *pixels,
+                                      size_t count, endo_area *area);
+
+/* How a rig is rectified, by OpenCV's conventions. */
+typedef struct endo_rectification {
+    uint32_t struct_size;
+    int32_t region[4];                /* x, y, width, height of the largest rectangle that both views cover */
+    int32_t reserved;                 /* must be 0 */
+    double left_rotation[9];          /* R1, R2, P1, P2 and Q of cv2.stereoRectify */
+    double right_rotation[9];
+    double left_projection[12];
+    double right_projection[12];
+    double q[16];
+} endo_rectification;
+
+/* Rectify a rig's geometry. With alpha 0, as in endo_predict, only pixels that both views have are kept; with 1 all of them. */
+ENDO_API endo_status endo_get_rectification(const endo_calibration *calibration, double alpha,
+                                            endo_rectification *rectification);
+
+/* Pixels of a raw view, right: 0 or 1, to its rectified view, and back. Not a number where there is no such pixel. The
+   outputs may be the inputs. */
+ENDO_API endo_status endo_raw_to_rectified(const endo_calibration *calibration, double alpha, int32_t right,
+                                           const double *pixels, size_t count, double *rectified);
+ENDO_API endo_status endo_rectified_to_raw(const endo_calibration *calibration, double alpha, int32_t right,
+                                           const double *pixels, size_t count, double *raw);
+
+/* Points, x y z each, of the rectified left camera's frame to that of the raw left camera, for a hand-eye calibration. */
+ENDO_API endo_status endo_to_raw_left(const endo_calibration *calibration, const double *points, size_t count, double *raw);
 
 #ifdef __cplusplus
 }

@@ -174,6 +174,9 @@ class Stream {
   // Frames that may be submitted before one must be received.
   int lanes() const noexcept { return lanes_; }
 
+  // Steady in time; to be chosen before the first frame.
+  void set_temporal(bool on) { check(endo_stream_set_temporal(handle_.get(), on ? 1 : 0)); }
+
   // The maps must live, untouched, until they are received.
   void submit(const endo_image& left, const endo_image& right, Maps& maps) {
     check(endo_stream_submit(handle_.get(), &left, &right, &maps.tied()));

@@ -6,7 +6,7 @@ uint64_t Counters::add(const FrameReport& report) {
   const std::lock_guard lock(mutex_);
   latency_.add(report.total_ms);
   late_ += report.late;
-  mismatched_ += !report.views_belong_together;
+  for (const CauseFact& fact : cause_facts) causes_[static_cast<size_t>(fact.cause)] += report.causes.raised(fact.cause);
   return latency_.count();
 }
 
@@ -18,7 +18,7 @@ void Counters::add_failure() {
 Counters::Snapshot Counters::snapshot() const {
   const std::lock_guard lock(mutex_);
   return {latency_.count(),           failed_,
-          late_,                      mismatched_,
+          late_,                      causes_,
           latency_.quantile_ms(0.5),  latency_.quantile_ms(0.95),
           latency_.quantile_ms(0.99), latency_.longest_ms()};
 }

@@ -1,9 +1,9 @@
 // What a frame path counts over its life. It has a lock of its own: reports do not wait for frames.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <mutex>
-
 
 #include "frame_path/frame.hpp"
 #include "frame_path/latency.hpp"
@@ -17,7 +17,8 @@ class Counters {
   void add_failure();
 
   struct Snapshot {
-    uint64_t frames, failed, late, mismatched;
+    uint64_t frames, failed, late;
+    std::array<uint64_t, cause_count> causes;  // frames that each was raised for
     double p50_ms, p95_ms, p99_ms, longest_ms;
   };
   Snapshot snapshot() const;
@@ -26,7 +27,7 @@ class Counters {
   mutable std::mutex mutex_;
   LatencyHistogram latency_;
   uint64_t late_ = 0;
-  uint64_t mismatched_ = 0;  // frames whose two views do not show the same
+  std::array<uint64_t, cause_count> causes_{};
   uint64_t failed_ = 0;
 };
 

@@ -15,13 +15,16 @@ std::string describe(const ModelInfo& m) {
 }  // namespace
 
 JsonObject FramePath::diagnostics() const {
-  const SessionFacts& s = session_->facts();
+  process_.check();
+  const SessionFacts& s = sessions_.any().facts();
   JsonObject report;
   report.text("onnxruntime", s.runtime_version);
-  if (!s.runtime_library.empty()) report.text("onnxruntime_library", s.runtime_library);
+  report.text("onnxruntime_library", s.runtime_library).text("onnxruntime_sha256", s.runtime_sha256);
   report.text("onnxruntime_telemetry", s.telemetry_on ? "on: loaded by the host first" : "off");
-  report.text("provider", s.provider).count("threads", static_cast<uint64_t>(settings_.threads));
-  report.text("kernels", kernels().name).flag("integer_units", has_integer_units()).raw("model", describe(model()));
+  JsonObject options;
+  for (const auto& [key, value] : s.provider_options) options.text(key, value);
+  report.text("provider", s.provider).raw("provider_options", options.done()).count("threads", static_cast<uint64_t>(settings_.threads));
+  report.text("device", identity()->device).text("kernels", kernels().name).flag("integer_units", has_integer_units()).raw("model", describe(model()));
   {
     const std::lock_guard lock(state_);
     report.raw("calibration_sha256", rig_ ? json_string(rig_->sha256()) : "null");
@@ -30,9 +33,12 @@ JsonObject FramePath::diagnostics() const {
       report.count("network_height", static_cast<uint64_t>(picture_->height));
     }
   }
-  report.number("nearest_depth_mm", nearest_depth_mm()).number("deadline_ms", settings_.deadline_ms);
+  report.number("nearest_depth_mm", nearest_depth_mm()).number("deadline_ms", settings_.deadline_ms).number("max_age_ms", settings_.max_age_ms);
   const Counters::Snapshot c = counters_.snapshot();
-  report.count("frames", c.frames).count("failed", c.failed).count("late", c.late).count("mismatched", c.mismatched);
+  report.count("frames", c.frames).count("failed", c.failed).count("late", c.late);
+  JsonObject causes;  // frames that each was raised for
+  for (const CauseFact& fact : cause_facts) causes.count(fact.name, c.causes[static_cast<size_t>(fact.cause)]);
+  report.raw("causes", causes.done());
   report.raw("latency_ms", JsonObject().number("p50", c.p50_ms).number("p95", c.p95_ms).number("p99", c.p99_ms)
                                .number("max", c.longest_ms).done());
   return report;

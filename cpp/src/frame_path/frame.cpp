@@ -17,6 +17,9 @@ void check_pair(const FramePair& pair) {
   require(l.channels == r.channels, "right", Text("must have as many channels as left, ", l.channels), r.channels);
   check_source(l, pair.order, "left");
   check_source(r, pair.order, "right");
+  const int64_t now = now_ns();
+  require(pair.stamp_ns >= 0 && pair.stamp_ns <= now, "stamp_ns",
+          Text("must be of the monotonic clock, and at most now, ", now), pair.stamp_ns);
 }
 
 }  // namespace endosdk

@@ -3,8 +3,12 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 
-#include "frame_path/quality.hpp"
+#include "frame_path/causes.hpp"
+#include "frame_path/frozen.hpp"
+#include "frame_path/identity.hpp"
+#include "geometry/pose_error.hpp"
 #include "images/image.hpp"
 
 namespace endosdk {
@@ -19,9 +23,14 @@ struct FramePair {
   ImageView left;
   ImageView right;
   ChannelOrder order = ChannelOrder::rgb;
+  int64_t stamp_ns = 0;  // of `Clock`, when the pair was taken; 0: not known
 
   Size size() const { return {left.width, left.height}; }
 };
+
+inline int64_t now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
+}
 
 // Refuses what is no pair of pictures of one size and format.
 void check_pair(const FramePair& pair);
@@ -29,13 +38,21 @@ void check_pair(const FramePair& pair);
 struct FrameReport {
   uint64_t frame = 0;  // counts the frames of a frame path from 1
   double valid_share = 0.0;
-  Quality quality = Quality::invalid;
+  Causes causes;                       // what is wrong with the pair
+  Quality quality = Quality::invalid;  // follows from them
+  bool calibrated = false;
+  PoseError pose;     // how far the rig stands from its calibration; without one only the vertical disparity
+  PoseError steady;   // the same over the frames so far, corrections not counted
+  PoseVector corrected{};  // what the rectification of this frame made up for
   double rectify_ms = 0.0;
   double session_ms = 0.0;
   double postprocess_ms = 0.0;
   double total_ms = 0.0;  // from the call to the answer, waiting included
   bool late = false;
-  bool views_belong_together = true;
+  int64_t stamp_ns = 0;  // of the pair
+  double age_ms = never;  // of the pair when the answer was handed out; not a number where the stamp is not known
+  std::shared_ptr<const Identity> identity;
+  Prints prints;  // of both frames, as they came
 };
 
 }  // namespace endosdk

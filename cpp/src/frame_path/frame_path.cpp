@@ -6,6 +6,7 @@
 #include "frame_path/network_size.hpp"
 #include "frame_path/self_test.hpp"
 #include "frame_path/stream.hpp"
+#include "frame_path/working_distance.hpp"
 #include "platform/errors.hpp"
 #include "platform/threads.hpp"
 
@@ -29,16 +30,29 @@ void check_capacity(size_t capacity, Size size) {
 }  // namespace
 
 FramePath::FramePath(std::shared_ptr<Session> session, FramePathSettings settings)
-    : settings_(checked(std::move(settings))), session_(std::move(session)) {}
+    : settings_(checked(std::move(settings))), model_(session->model()), sessions_(std::move(session)) {
+  identity_ = std::make_shared<const Identity>(identity_of(model_, sessions_.any().facts(), nullptr));
+  sessions_.of(usual_size());
+}
 
 void FramePath::set_calibration(std::optional<Rig> rig) {
+  keep_calibration(std::move(rig));
+  const std::optional<RangeNote> note = range_note(nearest_depth_mm(), settings_.limits);
+  if (note) settings_.log(note->level, note->line.c_str());
+}
+
+void FramePath::keep_calibration(std::optional<Rig> rig) {
+  process_.check();
   const std::lock_guard lock(calls_);
   check_open();
   auto made = rig ? std::make_shared<const Rig>(std::move(*rig)) : nullptr;
   slot_.reset();  // its maps belong to the former rig
+  watch_ = {};
   full_.reset();
+  auto identity = std::make_shared<const Identity>(identity_of(model_, sessions_.any().facts(), made.get()));
   const std::lock_guard state(state_);
   rig_ = std::move(made);
+  identity_ = std::move(identity);
   latest_.reset();
   picture_.reset();
 }
@@ -48,36 +62,52 @@ std::shared_ptr<const Rig> FramePath::calibration() const {
   return rig_;
 }
 
+std::shared_ptr<const Identity> FramePath::identity() const {
+  const std::lock_guard lock(state_);
+  return identity_;
+}
+
 void FramePath::check_open() const {
   const std::lock_guard lock(state_);
   require(!closed_, "estimator", "must be open", "a closed one");
+}
+
+void FramePath::check_stamp(const FramePair& pair) const {
+  require(settings_.max_age_ms == 0.0 || pair.stamp_ns != 0, "stamp_ns", "must be given where max_age_ms is", "none");
 }
 
 Size FramePath::network_size(Size frame) const {
   return settings_.network.value_or(network_size_of(frame, model().inference_width));
 }
 
+double FramePath::largest_disparity(Size frame) const {
+  return endosdk::largest_disparity(model(), frame, network_size(frame));
+}
+
+Size FramePath::usual_size() const {
+  constexpr Size small = {320, 256};
+  return settings_.network.value_or(small);
+}
+
 double FramePath::nearest_depth_mm() const {
   const std::shared_ptr<const Rig> rig = calibration();
-  const int end = model().max_candidate_disparity;
-  if (!rig || end == 0) return std::numeric_limits<double>::quiet_NaN();
-  const RectifiedGeometry& g = rig->geometry();
-  const double gain = static_cast<double>(rig->size().width) / network_size(rig->size()).width;
-  const double farthest_apart = (end - range_margin) * gain + g.doffs() - RectifyStage::right_shift_of(rig.get());
-  return farthest_apart > 0.0 ? g.focal_px() * g.baseline_mm() / farthest_apart : std::numeric_limits<double>::quiet_NaN();
+  if (!rig) return std::numeric_limits<double>::quiet_NaN();
+  return endosdk::nearest_depth_mm(*rig, largest_disparity(rig->size()));
 }
 
 const std::shared_ptr<Slot>& FramePath::prepared(Size frame, const Work& work) {
   if (slot_ && same(slot_->stage().frame(), frame)) return slot_;
   const std::shared_ptr<const Rig> rig = calibration();
   auto stage = std::make_shared<const RectifyStage>(frame, rig.get(), network_size(frame), [&] { work.check(); });
-  slot_ = std::make_shared<Slot>(std::move(stage), session_);
+  const Size picture = stage->picture();
+  slot_ = std::make_shared<Slot>(std::move(stage), sessions_.of(picture));
   const std::lock_guard lock(state_);
   picture_ = slot_->stage().picture();
   return slot_;
 }
 
 void FramePath::prepare(Size frame) {
+  process_.check();
   const std::lock_guard lock(calls_);
   check_open();
   const ThreadCount threads(settings_.threads);
@@ -87,17 +117,21 @@ void FramePath::prepare(Size frame) {
   const std::vector<uint8_t> black(bytes(frame));
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
   compute({view, view, ChannelOrder::rgb}, {}, asked);
+  watch_.make_room(*slot_);
 }
 
 FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
+  process_.check();
   const Clock::time_point asked = Clock::now();
   const std::lock_guard lock(calls_);
   try {
     check_open();
     check_pair(pair);
+    check_stamp(pair);
     check_maps(wanted, pair.size(), calibration() != nullptr);
     const ThreadCount threads(settings_.threads);
     FrameReport report = compute(pair, wanted, asked);
+    watch_.add(report, *slot_);
     count(report, slot_);
     return report;
   } catch (...) {
@@ -117,42 +151,61 @@ FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted, Clo
   FrameReport report;
   report.rectify_ms = milliseconds(started, Clock::now());
   slot.rectify(pair, report);
+  slot.infer(work, report);
   slot.answer(wanted, settings_.limits, calibration().get(), work, report);
   finish(report, asked);
+  report.stamp_ns = pair.stamp_ns;
+  report.identity = identity();
   return report;
 }
 
 void FramePath::finish(FrameReport& report, Clock::time_point asked) const {
   report.total_ms = milliseconds(asked, Clock::now());
   report.late = settings_.deadline_ms > 0.0 && report.total_ms > settings_.deadline_ms;
+  if (settings_.deadline_ms > 0.0) report.causes.set(Cause::late, report.total_ms / settings_.deadline_ms);
+  report.quality = report.causes.status();
+}
+
+void FramePath::judge_age(FrameReport& report) const {
+  if (report.stamp_ns == 0) return;
+  report.age_ms = static_cast<double>(now_ns() - report.stamp_ns) / 1e6;
+  if (settings_.max_age_ms > 0.0) report.causes.set(Cause::stale, report.age_ms / settings_.max_age_ms);
 }
 
 void FramePath::count(FrameReport& report, std::shared_ptr<Slot> slot) {
-  report.frame = counters_.add(report);
+  judge_age(report);
   {
     const std::lock_guard lock(state_);
+    report.causes.set(Cause::frozen, frozen_.repeats(report.prints));
     latest_ = std::move(slot);
   }
-  char line[96];
+  report.quality = report.causes.status();
+  report.frame = counters_.add(report);
+  char line[160];
   const auto number = static_cast<unsigned long long>(report.frame);
-  if (!report.views_belong_together) {
-    std::snprintf(line, sizeof line, "frame %llu: the two views do not show the same", number);
-    settings_.log(ENDO_LOG_WARNING, line);
+  for (const CauseFact& fact : cause_facts) {
+    if (report.causes.level(fact.cause) != Quality::invalid) continue;
+    std::snprintf(line, sizeof line, "frame %llu: %s (%s %.3g)", number, fact.meaning, fact.name, report.causes.measure(fact.cause));
+    settings_.frame_log(ENDO_LOG_WARNING, line);
+  }
+  if (report.causes.raised(Cause::stale)) {
+    std::snprintf(line, sizeof line, "frame %llu is stale: it was taken %.1f ms ago", number, report.age_ms);
+    settings_.frame_log(ENDO_LOG_WARNING, line);
   }
   if (!report.late) return;
   std::snprintf(line, sizeof line, "frame %llu was late: %.1f ms", number, report.total_ms);
+  settings_.frame_log(ENDO_LOG_WARNING, line);
+}
+
+void FramePath::tell_correction(const PoseVector& corrected) const {
+  char line[160];
+  std::snprintf(line, sizeof line, "the rig has moved; the rectification now turns the right view by %.3f, %.3f, %.3f degrees (x, y, z)",
+                degrees_per_radian * corrected[0], degrees_per_radian * corrected[1], degrees_per_radian * corrected[2]);
   settings_.log(ENDO_LOG_WARNING, line);
 }
 
-std::shared_ptr<Session> FramePath::session_of_streams() {
-  if (!one_thread_each_) {
-    one_thread_each_ = session_->for_one_thread_each();
-    if (!one_thread_each_) one_thread_each_ = session_;
-  }
-  return one_thread_each_;
-}
-
 std::unique_ptr<Stream> FramePath::stream(Size frame) {
+  process_.check();
   const std::lock_guard lock(calls_);
   check_open();
   const Work work(cancelling_);
@@ -165,10 +218,12 @@ std::unique_ptr<Stream> FramePath::stream(Size frame) {
     const std::lock_guard state(state_);
     picture_ = stage->picture();
   }
-  return std::make_unique<Stream>(shared_from_this(), session_of_streams(), std::move(stage), rig);
+  auto session = sessions_.for_one_thread_each(stage->picture());
+  return std::make_unique<Stream>(shared_from_this(), std::move(session), std::move(stage), rig);
 }
 
 void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, size_t capacity) {
+  process_.check();
   const std::lock_guard lock(calls_);
   check_open();
   check_pair(pair);
@@ -189,6 +244,7 @@ void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, si
 }
 
 Size FramePath::rectified_size() {
+  process_.check();
   const std::lock_guard lock(calls_);
   const std::lock_guard state(state_);
   require(latest_ != nullptr, "estimator", "must have answered a frame before its pictures can be copied", "no frame yet");
@@ -206,15 +262,17 @@ void FramePath::rectified(uint8_t* left, uint8_t* right, size_t capacity) {
 }
 
 void FramePath::self_test() {
+  process_.check();
   const std::lock_guard lock(calls_);
   check_open();
   Work work(cancelling_);
   const ThreadCount threads(settings_.threads);
-  constexpr Size small = {320, 256};
-  run_self_test(*session_, slot_ ? slot_->stage().picture() : settings_.network.value_or(small), work);
+  const Size picture = slot_ ? slot_->stage().picture() : usual_size();
+  run_self_test(*sessions_.of(picture), picture, work);
 }
 
 void FramePath::close() {
+  if (!process_.is_this()) return;  // what is its parent's, a forked child leaves alone
   {
     const std::lock_guard state(state_);
     closed_ = true;
@@ -222,7 +280,7 @@ void FramePath::close() {
   const std::lock_guard lock(calls_);
   slot_.reset();
   full_.reset();
-  one_thread_each_.reset();
+  sessions_.drop();
   const std::lock_guard state(state_);
   latest_.reset();
 }

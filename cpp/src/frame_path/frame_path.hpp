@@ -10,10 +10,13 @@
 
 #include "frame_path/cancelling.hpp"
 #include "frame_path/counters.hpp"
+#include "frame_path/rig_watch.hpp"
+#include "frame_path/sessions.hpp"
 #include "frame_path/settings.hpp"
 #include "frame_path/slot.hpp"
 #include "platform/fair_lock.hpp"
 #include "platform/json.hpp"
+#include "platform/own_process.hpp"
 
 namespace endosdk {
 
@@ -21,13 +24,18 @@ class Stream;
 
 class FramePath : public std::enable_shared_from_this<FramePath> {
  public:
+  // On an accelerator the session for the usual size is made here: what the provider has to say comes with the opening.
   FramePath(std::shared_ptr<Session> session, FramePathSettings settings);
 
-  const ModelInfo& model() const { return session_->model(); }
+  const ModelInfo& model() const { return model_; }
   const FramePathSettings& settings() const { return settings_; }
 
+  // Logs the nearest depth that the model sees on the rig.
   void set_calibration(std::optional<Rig> rig);
   std::shared_ptr<const Rig> calibration() const;
+
+  // Largest disparity that counts as an answer in frames of this size, px; NaN where the model does not state its range.
+  double largest_disparity(Size frame) const;
 
   // Depth, mm, of a surface at the end of the range that the network finds; NaN without a calibration or where the model
   // does not state its range.
@@ -47,11 +55,20 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   Size rectified_size();
   void rectified(uint8_t* left, uint8_t* right, size_t capacity);
 
-  void cancel() { cancelling_.cancel_all(); }
+  void cancel() {
+    process_.check();
+    cancelling_.cancel_all();
+  }
   void self_test();
+
+  // The process it was made in. Every call in a forked child is refused, before it could wait for ever.
+  const OwnProcess& process() const { return process_; }
 
   // Waits for the call that runs. Later ones are refused.
   void close();
+
+  // Of the frames that are computed from now on.
+  std::shared_ptr<const Identity> identity() const;
 
   // Versions, model, settings and counters; it waits for no frame.
   JsonObject diagnostics() const;
@@ -59,29 +76,37 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
  private:
   friend class Stream;
 
-  // The size at which the network sees such frames.
+  // The size at which the network sees such frames, and pictures where there is no frame.
   Size network_size(Size frame) const;
+  Size usual_size() const;
   void check_open() const;
+  void check_stamp(const FramePair& pair) const;
   const std::shared_ptr<Slot>& prepared(Size frame, const Work& work);
+  void keep_calibration(std::optional<Rig> rig);
   FrameReport compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked);
   void finish(FrameReport& report, Clock::time_point asked) const;
+  void judge_age(FrameReport& report) const;
   void count(FrameReport& report, std::shared_ptr<Slot> slot);
-  std::shared_ptr<Session> session_of_streams();
+  void tell_correction(const PoseVector& corrected) const;
 
+  const OwnProcess process_;
   const FramePathSettings settings_;
-  const std::shared_ptr<Session> session_;
+  const ModelInfo model_;
   mutable Cancelling cancelling_;
   Counters counters_;
 
   FairLock calls_;  // held by every call but cancel, reports and those of streams
+  Sessions sessions_;
   std::shared_ptr<Slot> slot_;
+  RigWatch watch_;  // of frames outside streams
   std::shared_ptr<const RectifyStage> full_;
-  std::shared_ptr<Session> one_thread_each_;
 
   mutable std::mutex state_;  // guards what follows
   std::shared_ptr<const Rig> rig_;
+  std::shared_ptr<const Identity> identity_;
   std::shared_ptr<Slot> latest_;  // its pictures belong to the latest finished frame
   std::optional<Size> picture_;
+  Frozen frozen_;
   bool closed_ = false;
 };
 

@@ -10,9 +10,16 @@ bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
 // Principal points closer together than this, px, put the end of the range so far away that no endoscope sees it.
 constexpr double harmless_doffs = 0.5;
 
-RectifiedGeometry shifted(RectifiedGeometry geometry, double shift) {
+// Right views moved to the left, and of a camera that turned.
+RectifiedGeometry moved(RectifiedGeometry geometry, double shift, const PoseVector& turned) {
   geometry.views.right_projection[2] -= shift;
+  geometry.views.right_rotation = multiply(turn_of(turned), geometry.views.right_rotation);
   return geometry;
+}
+
+PoseVector negative(PoseVector value) {
+  for (double& term : value) term = -term;
+  return value;
 }
 
 auto text(Size size) { return Text(size.width, "x", size.height); }
@@ -25,16 +32,16 @@ double RectifyStage::right_shift_of(const Rig* rig) {
 }
 
 RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> network,
-                           const std::function<void()>& checkpoint)
-    : frame_(frame), picture_(network.value_or(frame)),
-      right_shift_(right_shift_of(rig)), moves_(rig != nullptr && (!rig->is_rectified() || right_shift_ > 0.0)) {
+                           const std::function<void()>& checkpoint, const PoseVector& corrected)
+    : frame_(frame), picture_(network.value_or(frame)), corrected_(corrected), right_shift_(right_shift_of(rig)),
+      moves_(rig != nullptr && (!rig->is_rectified() || right_shift_ > 0.0 || corrected != PoseVector{})) {
   require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", text(frame));
   require(rig == nullptr || same(rig->size(), frame), ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",
           Text("must be for frames of ", text(frame)), text(rig != nullptr ? rig->size() : Size()));
   const bool resized = !same(picture_, frame_);
   if (!moves_ && !resized) return;
   const Rig source = moves_ ? *rig : Rig::identity(frame);
-  const RectifiedGeometry geometry = shifted(source.geometry(), right_shift_);
+  const RectifiedGeometry geometry = moved(source.geometry(), right_shift_, negative(corrected_));
   const Border border = moves_ ? Border::fading : Border::whole;
   rectifier_.emplace(source.rectifier(geometry.scaled(picture_), border));
   checkpoint();

@@ -6,6 +6,7 @@
 
 #include "images/image.hpp"
 #include "images/rectify.hpp"
+#include "geometry/pose_error.hpp"
 #include "geometry/rig.hpp"
 
 namespace endosdk {
@@ -16,13 +17,17 @@ class RectifyStage {
   // the network works at another size. A rectified rig whose principal points lie apart sees what is beyond
   // focal * baseline / doffs at negative disparities, which no network finds: its right view is moved by doffs. Maps of large frames take a while: `checkpoint` is called between them, and may
   // throw.
-  RectifyStage(Size frame, const Rig* rig, std::optional<Size> network, const std::function<void()>& checkpoint);
+  // `corrected`: turns of the right camera against its calibration that the rectification undoes; they need a rig.
+  RectifyStage(Size frame, const Rig* rig, std::optional<Size> network, const std::function<void()>& checkpoint,
+               const PoseVector& corrected = {});
 
   Size frame() const { return frame_; }
   Size picture() const { return picture_; }
 
   void operator()(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
                   ChannelOrder order, RectifyScratch& scratch) const;
+
+  const PoseVector& corrected() const { return corrected_; }
 
   // Frame pixels by which the right view of a rectified rig is moved to the left.
   double right_shift() const { return right_shift_; }
@@ -43,6 +48,7 @@ class RectifyStage {
 
   Size frame_;
   Size picture_;
+  PoseVector corrected_{};
   double right_shift_ = 0.0;
   bool moves_ = false;  // whether pixels come to lie elsewhere, other than by resizing
   std::optional<Rectifier> rectifier_;

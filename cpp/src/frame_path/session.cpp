@@ -18,8 +18,12 @@ size_t pixels(Size size) { return static_cast<size_t>(size.width) * static_cast<
 
 }  // namespace
 
+Size padded_size(Size picture, const ModelInfo& model) {
+  return {padded(picture.width, model.input_multiple), padded(picture.height, model.input_multiple)};
+}
+
 SessionBuffers::SessionBuffers(Size picture, const ModelInfo& model)
-    : input_{padded(picture.width, model.input_multiple), padded(picture.height, model.input_multiple)},
+    : input_(padded_size(picture, model)),
       grid_{input_.width / model.output_stride, input_.height / model.output_stride} {
   require(grid_.width > 0 && grid_.height > 0, "size", "must give the network at least one output pixel",
           Text(input_.width, "x", input_.height));

@@ -9,14 +9,20 @@
 #include "images/resize.hpp"
 #include "images/size.hpp"
 #include "model/model.hpp"
+#include "model/provider_options.hpp"
 
 namespace endosdk {
+
+// Of the network's input: a picture, padded to the model's multiple.
+Size padded_size(Size picture, const ModelInfo& model);
 
 // What one run reads and writes. The frame path owns it, so that the rectifier writes where the network reads.
 class SessionBuffers {
  public:
-  // For pictures of this size, which are padded to the model's multiple.
+  // For pictures of this size.
   SessionBuffers(Size picture, const ModelInfo& model);
+
+  Size input() const { return input_; }
 
   // Zeros until they are written: the memory is touched here, so that the first frame does not pay for it.
   PlanarView left() { return {pixels_.data(), input_.width, input_.height}; }
@@ -34,8 +40,10 @@ class SessionBuffers {
 // What reports say of a session.
 struct SessionFacts {
   std::string provider;  // the runtime's own name of it
+  ProviderOptions provider_options;
   std::string runtime_version;
   std::string runtime_library;  // path; empty where the host does not know it
+  std::string runtime_sha256;   // of its library's file
   bool telemetry_on = false;    // the host opened the runtime first, with its telemetry on
 };
 
@@ -57,7 +65,11 @@ class Session {
   virtual const ModelInfo& model() const = 0;
   virtual const SessionFacts& facts() const = 0;
 
-  // The buffers must live as long as what is returned, and keep their place.
+  // A session for inputs of exactly this size. Null where that makes no difference: this one takes any.
+  virtual std::shared_ptr<Session> for_size(Size input) = 0;
+
+  // The buffers must live as long as what is returned, and keep their place. Not for a session that `for_size` makes
+  // others of.
   virtual std::unique_ptr<Run> bind(SessionBuffers& buffers) = 0;
 
   // A session whose runs stay on the thread that calls, so that several frames can run at a time. Null where that makes

@@ -21,6 +21,7 @@ void check_settings(const FramePathSettings& s) {
           l.depth_unit_mm);
   require(std::isfinite(s.deadline_ms) && s.deadline_ms >= 0.0, "deadline_ms", "must be finite and not negative",
           s.deadline_ms);
+  require(std::isfinite(s.max_age_ms) && s.max_age_ms >= 0.0, "max_age_ms", "must be finite and not negative", s.max_age_ms);
 }
 
 }  // namespace endosdk

@@ -1,11 +1,34 @@
 #include "frame_path/slot.hpp"
 
+#include <cmath>
+
+#include "images/same_view.hpp"
+#include "maps/reasons.hpp"
+
 namespace endosdk {
 namespace {
 
 size_t pixels(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 FloatView read_only(const MutableFloatView& view) { return {view.data, view.width, view.height}; }
+
+// Of all pixels, but for those that one view does not show.
+double share_out_of_range(const uint8_t* reasons, size_t count) {
+  int32_t found = 0;
+  constexpr int looked_at = ENDO_REASON_OUT_OF_RANGE | ENDO_REASON_OUTSIDE_VIEW | ENDO_REASON_OUTSIDE_OVERLAP;
+  for (size_t i = 0; i < count; ++i) found += (reasons[i] & looked_at) == ENDO_REASON_OUT_OF_RANGE;
+  return found / static_cast<double>(count);
+}
+
+// Share of the rows found without the network that the fit of the rig must explain to be believed.
+constexpr double least_found = 0.7;
+
+// Without a rig the focal length is a usual one: the pattern fits as well, but its angles mean nothing.
+PosePattern pattern_of(const Rig* rig, Size frame, double right_shift) {
+  if (rig == nullptr) return {1.0 * frame.width, 1.0 * frame.width, 0.5 * (frame.width - 1), 0.5 * (frame.height - 1), 0.0, false};
+  const RectifiedGeometry& g = rig->geometry();
+  return {g.focal_px(), g.focal_y_px(), g.cx(), g.cy(), g.doffs() - right_shift, true};
+}
 
 }  // namespace
 
@@ -21,27 +44,92 @@ void Slot::rectify(const FramePair& pair, FrameReport& report) {
   const std::lock_guard lock(pictures_);
   const Clock::time_point started = Clock::now();
   (*stage_)(pair.left, pair.right, buffers_.left(), buffers_.right(), pair.order, rectify_scratch_);
-  same_frames_ = same_pixels(pair.left, pair.right);
+  report.causes.set(Cause::same_view_twice, displacement_of_frames(pair.left, pair.right));
+  report.prints = {print_of(pair.left), print_of(pair.right)};
+  report.corrected = stage_->corrected();
   report.rectify_ms += milliseconds(started, Clock::now());
 }
 
-void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, Work& work, FrameReport& report) {
-  const Clock::time_point rectified = Clock::now();
+void Slot::infer(Work& work, FrameReport& report) {
+  const Clock::time_point started = Clock::now();
   work.run(*run_);
-  const Clock::time_point inferred = Clock::now();
-  const int valid = postprocess(spare_.complete(wanted), limits, rig);
-  work.check();
-  report.session_ms = milliseconds(rectified, inferred);
-  report.postprocess_ms = milliseconds(inferred, Clock::now());
+  report.session_ms = milliseconds(started, Clock::now());
+}
+
+void Slot::steady(TemporalFilter& filter, FrameReport& report) {
+  const Clock::time_point started = Clock::now();
+  const double per_pixel = 1.0 / model_.output_stride;
+  filter.smooth({buffers_.left(), stage_->picture(), buffers_.disparity(), read_only(buffers_.confidence()), {per_pixel, per_pixel}});
+  report.postprocess_ms += milliseconds(started, Clock::now());
+}
+
+void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, Work& work, FrameReport& report) {
+  const Clock::time_point started = Clock::now();
+  const MapsOut maps = spare_.complete(wanted);
+  const int valid = postprocess(maps, limits, rig);
   report.valid_share = valid / static_cast<double>(pixels(stage_->frame()));
-  report.quality = quality_of(report.valid_share);
-  report.views_belong_together = scratch_.consistency.views_belong_together();
+  judge(maps, report);
+  brightness_.read(buffers_.left(), stage_->picture());
+  if (report.causes.status() == Quality::invalid) {
+    withdraw_answer(maps, pixels(stage_->frame()));
+    report.valid_share = 0.0;
+  }
+  write_u16(maps, pixels(stage_->frame()), limits.depth_unit_mm);
+  work.check();
+  report.postprocess_ms += milliseconds(started, Clock::now());
+}
+
+void Slot::judge(const MapsOut& maps, FrameReport& report) {
+  const double seen = scratch_.views.size().width > 0 ? scratch_.views.left_field().share() : 1.0;
+  report.causes.set(Cause::few_valid, report.valid_share / seen);
+  report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, pixels(stage_->frame())) / seen);
+  if (scratch_.views.size().width == 0) return;  // too small a picture to be judged
+  report.causes.set(Cause::views_differ, scratch_.views.most_correlation());
+  report.causes.set(Cause::low_texture, scratch_.views.textured_share());
+  report.causes.set(Cause::covered, scratch_.measures.covered());
+  report.causes.set(Cause::saturated, scratch_.measures.saturated());
+  report.causes.set(Cause::blurred, scratch_.measures.blur());
+  report.causes.set(Cause::dim, scratch_.measures.level());
+  judge_rig(report);
+  const bool failed = report.causes.raised(Cause::views_differ) || report.causes.raised(Cause::few_valid);
+  if (failed && !report.causes.raised(Cause::same_view_twice)) explain_failure(report);
+}
+
+void Slot::explain_failure(FrameReport& report) {
+  coarse_match_.measure(scratch_.views);
+  report.causes.set(Cause::swapped, coarse_match_.exchanged_gain());
+  const bool swapped = report.causes.raised(Cause::swapped);
+  const double row = 2.0 * scratch_.views.unit() * stage_->frame().height / stage_->picture().height;
+  const double rows_off = std::abs(row * coarse_match_.rows_off());
+  // The fit looks near each match alone: of views far off their rows it finds a part, or a chance likeness.
+  const bool missed = report.pose.measured && report.pose.vertical_px < least_found * rows_off;
+  if (swapped || missed || report.causes.raised(Cause::views_differ)) {
+    report.pose = {};
+    report.causes.set(Cause::rig_moved, never);
+    report.causes.set(Cause::not_rectified, never);
+  }
+  if (!swapped && !report.pose.measured) report.causes.set(Cause::not_rectified, rows_off);
+}
+
+void Slot::judge_rig(FrameReport& report) const {
+  report.calibrated = has_rig_;
+  report.pose = scratch_.rows.latest();
+  if (!report.pose.measured) return;
+  // A turn that its standard error explains is none.
+  constexpr double certain = 4.0;
+  const PoseError& pose = report.pose;
+  if (has_rig_) {
+    report.causes.set(Cause::rig_moved, pose.turn() > certain * pose.turn_se() ? degrees_per_radian * pose.turn() : 0.0);
+  } else {
+    report.causes.set(Cause::not_rectified, pose.vertical_px > certain * pose.vertical_se_px ? pose.vertical_px : 0.0);
+  }
 }
 
 int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig) {
   const Size frame = stage_->frame();
   const Size picture = stage_->picture();
   PostprocessInput in;
+  in.size = frame;
   in.disparity = read_only(buffers_.disparity());
   in.confidence = read_only(buffers_.confidence());
   // Relative to the picture without its padding, which the grids include.
@@ -53,23 +141,16 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.upsampling = model_.upsampling;
   in.left = buffers_.left();
   in.right = buffers_.right();
-  in.same_frames = same_frames_;
   in.right_shift = stage_->right_shift();
   in.valid_left = stage_->valid_left();
   in.valid_right = stage_->valid_right();
+  has_rig_ = rig != nullptr;
+  in.pattern = pattern_of(rig, frame, stage_->right_shift());
   if (rig != nullptr) {
     const RectifiedGeometry& g = rig->geometry();
     in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), limits.min_depth_mm, limits.max_depth_mm};
   }
-  PostprocessOutput out;
-  out.disparity = {maps.disparity, frame.width, frame.height};
-  out.confidence = {maps.confidence, frame.width, frame.height};
-  out.reasons = maps.reasons;
-  out.depth = maps.depth;
-  out.sigma = maps.sigma;
-  const int valid = endosdk::postprocess(in, out, scratch_);
-  write_u16(maps, pixels(frame), limits.depth_unit_mm);
-  return valid;
+  return endosdk::postprocess(in, maps, scratch_);
 }
 
 void Slot::copy_pictures(uint8_t* left, uint8_t* right) {

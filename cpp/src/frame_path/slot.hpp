@@ -8,8 +8,11 @@
 #include "frame_path/frame.hpp"
 #include "frame_path/rectify_stage.hpp"
 #include "frame_path/session.hpp"
+#include "maps/coarse_match.hpp"
+#include "maps/image_motion.hpp"
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
+#include "maps/temporal_filter.hpp"
 
 namespace endosdk {
 
@@ -30,17 +33,34 @@ class Slot {
   const RectifyStage& stage() const { return *stage_; }
   const std::shared_ptr<const RectifyStage>& shared_stage() const { return stage_; }
 
+  // Another rectification to pictures of the same size.
+  void use(std::shared_ptr<const RectifyStage> stage) { stage_ = std::move(stage); }
+
   // Writes the pictures that the network reads; the frames are not needed afterwards. Adds the time to the report.
   void rectify(const FramePair& pair, FrameReport& report);
 
-  // Runs the network and fills the maps; those that nobody wants are null.
+  // Runs the network.
+  void infer(Work& work, FrameReport& report);
+
+  // Draws the network's disparity towards that of the frame before. The calls of one filter come in the order of frames.
+  void steady(TemporalFilter& filter, FrameReport& report);
+
+  // Fills the maps from what the network said; those that nobody wants are null.
   void answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, Work& work, FrameReport& report);
+
+  // Of the left picture of the latest answer; it may be exchanged for another one.
+  BrightnessPyramid& brightness() { return brightness_; }
 
   // Copies of the pictures, as tight RGB rows; null: not wanted.
   void copy_pictures(uint8_t* left, uint8_t* right);
 
  private:
   int postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig);
+
+  // Sets what the pictures and the maps of the latest frame tell of its causes.
+  void judge(const MapsOut& maps, FrameReport& report);
+  void judge_rig(FrameReport& report) const;
+  void explain_failure(FrameReport& report);
 
   std::shared_ptr<const RectifyStage> stage_;
   std::shared_ptr<Session> session_;
@@ -51,7 +71,9 @@ class Slot {
   SpareMaps spare_;
   RectifyScratch rectify_scratch_;
   PostprocessScratch scratch_;
-  bool same_frames_ = false;  // both cameras gave the same bytes
+  CoarseMatch coarse_match_;
+  BrightnessPyramid brightness_;
+  bool has_rig_ = false;  // of the latest pair
 };
 
 }  // namespace endosdk

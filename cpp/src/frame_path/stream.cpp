@@ -10,16 +10,21 @@ namespace {
 // On an accelerator one frame is rectified while the network works on another.
 constexpr int accelerator_lanes = 2;
 
+// Measured frames between corrections of the rectification.
+constexpr int frames_per_correction = 30;
+
 }  // namespace
 
 Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session,
                std::shared_ptr<const RectifyStage> stage, std::shared_ptr<const Rig> rig)
     : path_(std::move(path)),
       session_(std::move(session)),
-      stage_(std::move(stage)),
       rig_(std::move(rig)),
+      identity_(path_->identity()),
       lanes_(session_->facts().provider == cpu_provider ? path_->settings().threads : accelerator_lanes),
-      frames_(static_cast<size_t>(lanes_) + 1) {
+      size_(stage->frame()),
+      frames_(static_cast<size_t>(lanes_) + 1),
+      stage_(std::move(stage)) {
   for (Frame& frame : frames_) frame.slot = std::make_shared<Slot>(stage_, session_);
   threads_.reserve(static_cast<size_t>(lanes_));
   try {
@@ -30,17 +35,26 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
   }
 }
 
+void Stream::set_temporal(bool on) {
+  const std::lock_guard lock(mutex_);
+  require(submitted_ == 0, "stream", "temporal must be chosen before the first frame", Text(submitted_, " frames submitted"));
+  temporal_ = on;
+}
+
 bool Stream::wait_for_room() {
+  path_->process().check();
   std::unique_lock lock(mutex_);
   change_.wait(lock, [&] { return has_room() || ended_ || closed_; });
   return !ended_ && !closed_;
 }
 
 void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag) {
+  path_->process().check();
   const Clock::time_point asked = Clock::now();
   path_->check_open();
   check_pair(pair);
-  const Size size = stage_->frame();
+  path_->check_stamp(pair);
+  const Size size = size_;
   require(pair.left.width == size.width && pair.left.height == size.height, "left",
           Text("must have the size of the stream's first frame, ", size.width, "x", size.height),
           Text(pair.left.width, "x", pair.left.height));
@@ -54,6 +68,8 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag) {
   frame.asked = asked;
   frame.read = frame.done = false;
   frame.answer = {{}, tag, nullptr};
+  frame.answer.report.stamp_ns = pair.stamp_ns;
+  frame.answer.report.identity = identity_;
   ++submitted_;
   change_.notify_all();
   change_.wait(lock, [&] { return frame.read || (closed_ && started_ < submitted_); });
@@ -61,11 +77,13 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag) {
 }
 
 bool Stream::wait_for_answer(std::chrono::milliseconds longest) {
+  path_->process().check();
   std::unique_lock lock(mutex_);
   return change_.wait_for(lock, longest, [&] { return has_answer(); });
 }
 
 std::optional<Stream::Answer> Stream::receive() {
+  path_->process().check();
   std::unique_lock lock(mutex_);
   change_.wait(lock, [&] { return has_answer(); });
   if (closed_ || received_ == submitted_) return std::nullopt;
@@ -76,9 +94,34 @@ std::optional<Stream::Answer> Stream::receive() {
   if (answer.error) {
     path_->counters_.add_failure();
   } else {
+    watch_rig(answer.report, *frame.slot);
     path_->count(answer.report, frame.slot);
   }
   return answer;
+}
+
+void Stream::follow_rig() {
+  require(rig_ != nullptr, ENDO_CALIBRATION_REQUIRED, "follow_rig", calibration_rule, "no calibration");
+  const std::lock_guard lock(mutex_);
+  follows_ = true;
+}
+
+// Takes one frame's pose error, in the order of the frames, and corrects the rectification of later ones.
+void Stream::watch_rig(FrameReport& report, Slot& slot) {
+  std::unique_lock lock(mutex_);
+  watch_.add(report, slot);
+  const PoseVector before = stage_->corrected();
+  if (!follows_ || watch_.frames() < corrected_at_ + frames_per_correction) return;
+  const std::optional<PoseVector> next = next_correction(before, report.steady);
+  if (!next) return;
+  corrected_at_ = watch_.frames();
+  const Size picture = stage_->picture();
+  lock.unlock();
+  auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture, [] {}, *next);
+  lock.lock();
+  stage_ = std::move(stage);
+  lock.unlock();
+  path_->tell_correction(*next);
 }
 
 void Stream::serve() {
@@ -87,24 +130,37 @@ void Stream::serve() {
   for (;;) {
     change_.wait(lock, [&] { return closed_ || started_ < submitted_; });
     if (closed_) return;
-    Frame& frame = at(started_++);
+    const uint64_t number = started_++;
+    Frame& frame = at(number);
     lock.unlock();
-    work(frame);
+    work(frame, number);
     lock.lock();
     frame.read = frame.done = true;
     change_.notify_all();
   }
 }
 
-void Stream::work(Frame& frame) {
+void Stream::work(Frame& frame, uint64_t number) {
+  std::optional<Turn> turn;
+  if (temporal_) turn.emplace(turns_, number);
   try {
     Work work(path_->cancelling_);
+    {
+      const std::lock_guard lock(mutex_);
+      frame.slot->use(stage_);
+    }
     frame.slot->rectify(frame.pair, frame.answer.report);
     {
       const std::lock_guard lock(mutex_);
       frame.read = true;
     }
     change_.notify_all();
+    frame.slot->infer(work, frame.answer.report);
+    if (turn) {
+      turn->wait();
+      frame.slot->steady(filter_, frame.answer.report);
+      turn->pass();
+    }
     frame.slot->answer(frame.maps, path_->settings().limits, rig_.get(), work, frame.answer.report);
     path_->finish(frame.answer.report, frame.asked);
   } catch (...) {
@@ -113,12 +169,14 @@ void Stream::work(Frame& frame) {
 }
 
 void Stream::end() {
+  if (!path_->process().is_this()) return;
   const std::lock_guard lock(mutex_);
   ended_ = true;
   change_.notify_all();
 }
 
 void Stream::close() {
+  if (!path_->process().is_this()) return;
   {
     const std::lock_guard lock(mutex_);
     ended_ = closed_ = true;

@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "frame_path/frame_path.hpp"
+#include "frame_path/turns.hpp"
+#include "maps/temporal_filter.hpp"
 
 namespace endosdk {
 
@@ -26,7 +28,14 @@ class Stream {
 
   // Frames that may be submitted before one must be received.
   int lanes() const { return lanes_; }
-  Size frame_size() const { return stage_->frame(); }
+  Size frame_size() const { return size_; }
+  const OwnProcess& process() const { return path_->process(); }
+
+  // From now on the rectification slowly makes up for turns of the rig that the frames show for certain.
+  void follow_rig();
+
+  // Whether each frame's disparity is drawn towards that of the frame before. To be chosen before the first frame.
+  void set_temporal(bool on);
 
   // Waits until one more frame may be submitted; false when the stream is over.
   bool wait_for_room();
@@ -68,22 +77,31 @@ class Stream {
   bool has_answer() { return closed_ || (received_ < submitted_ ? at(received_).done : ended_); }
   bool has_room() const { return submitted_ < received_ + static_cast<uint64_t>(lanes_); }
   void serve();
-  void work(Frame& frame);
+  void work(Frame& frame, uint64_t number);
+  void watch_rig(FrameReport& report, Slot& slot);
 
   const std::shared_ptr<FramePath> path_;
   const std::shared_ptr<Session> session_;
-  const std::shared_ptr<const RectifyStage> stage_;
   const std::shared_ptr<const Rig> rig_;
+  const std::shared_ptr<const Identity> identity_;
   const int lanes_;
+  const Size size_;
+  Turns turns_;
+  TemporalFilter filter_;  // who has the turn has it
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable change_;
   std::vector<Frame> frames_;  // one more than lanes: the pictures of the frame that was received last stay
+  bool temporal_ = false;
   uint64_t submitted_ = 0;
   uint64_t started_ = 0;
   uint64_t received_ = 0;
   bool ended_ = false;   // nothing more is submitted
   bool closed_ = false;  // nothing more is computed
+  std::shared_ptr<const RectifyStage> stage_;
+  RigWatch watch_;
+  int corrected_at_ = 0;  // measured frames at the latest correction
+  bool follows_ = false;
   std::vector<std::thread> threads_;
 };
 

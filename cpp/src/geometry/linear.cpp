@@ -1,49 +1,41 @@
 #include "geometry/linear.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace endosdk {
 
-Mat3 multiply(const Mat3& a, const Mat3& b) {
-  Mat3 product{};
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      for (int k = 0; k < 3; ++k) product[3 * row + column] += a[3 * row + k] * b[3 * k + column];
+void eliminate(double* a, double* b, size_t n) {
+  for (size_t i = 0; i < n; ++i) {
+    size_t pivot = i;
+    for (size_t row = i + 1; row < n; ++row) {
+      if (std::fabs(a[row * n + i]) > std::fabs(a[pivot * n + i])) pivot = row;
+    }
+    if (pivot != i) {
+      std::swap_ranges(a + i * n, a + (i + 1) * n, a + pivot * n);
+      std::swap_ranges(b + i * n, b + (i + 1) * n, b + pivot * n);
+    }
+    const double share = 1.0 / a[i * n + i];
+    for (size_t k = 0; k < n; ++k) {
+      a[i * n + k] *= share;
+      b[i * n + k] *= share;
+    }
+    for (size_t row = 0; row < n; ++row) {
+      if (row == i) continue;
+      const double factor = a[row * n + i];
+      for (size_t k = 0; k < n; ++k) {
+        a[row * n + k] -= factor * a[i * n + k];
+        b[row * n + k] -= factor * b[i * n + k];
+      }
     }
   }
-  return product;
-}
-
-Vec3 multiply(const Mat3& a, const Vec3& v) {
-  Vec3 product{};
-  for (int row = 0; row < 3; ++row) {
-    product[row] = a[3 * row] * v[0] + a[3 * row + 1] * v[1] + a[3 * row + 2] * v[2];
-  }
-  return product;
 }
 
 Mat3 transpose(const Mat3& a) { return {a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]}; }
 
-namespace {
-
-Mat3 cofactors(const Mat3& a) {
-  return {a[4] * a[8] - a[5] * a[7], a[5] * a[6] - a[3] * a[8], a[3] * a[7] - a[4] * a[6],
-          a[2] * a[7] - a[1] * a[8], a[0] * a[8] - a[2] * a[6], a[1] * a[6] - a[0] * a[7],
-          a[1] * a[5] - a[2] * a[4], a[2] * a[3] - a[0] * a[5], a[0] * a[4] - a[1] * a[3]};
-}
-
-}  // namespace
-
 double determinant(const Mat3& a) {
-  const Mat3 c = cofactors(a);
+  const Vec3 c = cross({a[3], a[4], a[5]}, {a[6], a[7], a[8]});
   return a[0] * c[0] + a[1] * c[1] + a[2] * c[2];
-}
-
-Mat3 inverse(const Mat3& a) {
-  Mat3 result = transpose(cofactors(a));
-  const double d = determinant(a);
-  for (double& value : result) value /= d;
-  return result;
 }
 
 Vec3 cross(const Vec3& a, const Vec3& b) {

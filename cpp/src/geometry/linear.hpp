@@ -1,20 +1,58 @@
-// The little linear algebra that calibration needs: 3x3 matrices, row major, in double precision.
+// The little linear algebra that rigs need: small square matrices, row major, in double precision.
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 namespace endosdk {
 
 using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<double, 9>;
 
-Mat3 multiply(const Mat3& a, const Mat3& b);
-Vec3 multiply(const Mat3& a, const Vec3& v);
-Mat3 transpose(const Mat3& a);
-double determinant(const Mat3& a);
+// Side of a square matrix of so many numbers.
+constexpr size_t side_of(size_t size) {
+  size_t side = 0;
+  while (side * side < size) ++side;
+  return side;
+}
+
+template <size_t size>
+std::array<double, size> multiply(const std::array<double, size>& a, const std::array<double, size>& b) {
+  constexpr size_t n = side_of(size);
+  std::array<double, size> product{};
+  for (size_t row = 0; row < n; ++row) {
+    for (size_t column = 0; column < n; ++column) {
+      for (size_t k = 0; k < n; ++k) product[n * row + column] += a[n * row + k] * b[n * k + column];
+    }
+  }
+  return product;
+}
+
+template <size_t size>
+std::array<double, side_of(size)> multiply(const std::array<double, size>& a, const std::array<double, side_of(size)>& v) {
+  constexpr size_t n = side_of(size);
+  std::array<double, n> product{};
+  for (size_t row = 0; row < n; ++row) {
+    for (size_t k = 0; k < n; ++k) product[row] += a[n * row + k] * v[k];
+  }
+  return product;
+}
+
+// Turns the n x n matrix `a` into the unit matrix and the unit matrix in `b` into its inverse.
+void eliminate(double* a, double* b, size_t n);
 
 // The determinant must not be zero; callers check it where a user could have caused it.
-Mat3 inverse(const Mat3& a);
+template <size_t size>
+std::array<double, size> inverse(std::array<double, size> a) {
+  constexpr size_t n = side_of(size);
+  std::array<double, size> result{};
+  for (size_t i = 0; i < n; ++i) result[i * n + i] = 1.0;
+  eliminate(a.data(), result.data(), n);
+  return result;
+}
+
+Mat3 transpose(const Mat3& a);
+double determinant(const Mat3& a);
 
 Vec3 cross(const Vec3& a, const Vec3& b);
 double norm(const Vec3& v);

@@ -59,7 +59,7 @@ Rectification keep_views(const endo_calibration& rig) {
   return {identity, identity, widen(rig.left_matrix, 0.0), widen(rig.right_matrix, rig.right_matrix[0] * rig.translation[0])};
 }
 
-Rectification turn_views(const endo_calibration& rig) {
+Rectification turn_views(const endo_calibration& rig, double alpha) {
   StereoRig stereo;
   stereo.left = camera(rig, false);
   stereo.right = camera(rig, true);
@@ -67,12 +67,13 @@ Rectification turn_views(const endo_calibration& rig) {
   std::copy(std::begin(rig.translation), std::end(rig.translation), stereo.translation.begin());
   stereo.width = rig.width;
   stereo.height = rig.height;
-  constexpr double only_common_pixels = 0.0;
-  return stereo_rectify(stereo, only_common_pixels);
+  return stereo_rectify(stereo, alpha);
 }
 
-RectifiedGeometry rectified_geometry(const endo_calibration& rig, bool is_rectified) {
-  RectifiedGeometry result = {is_rectified ? keep_views(rig) : turn_views(rig), {rig.width, rig.height}};
+constexpr double only_common_pixels = 0.0;
+
+RectifiedGeometry rectified_geometry(const endo_calibration& rig, bool is_rectified, double alpha) {
+  RectifiedGeometry result = {is_rectified ? keep_views(rig) : turn_views(rig, alpha), {rig.width, rig.height}};
   const bool usable = result.focal_px() > 0.0 && result.baseline_mm() > 0.0;
   for (const Mat34* view : {&result.views.left_projection, &result.views.right_projection}) {
     for (double value : *view) {
@@ -128,20 +129,23 @@ RectifiedGeometry RectifiedGeometry::scaled(Size target) const {
 Rig::Rig(const endo_calibration& numbers)
     : numbers_((check_rig(numbers), numbers)),
       is_rectified_(stands_rectified(numbers)),
-      geometry_(rectified_geometry(numbers, is_rectified_)) {
+      geometry_(rectified_geometry(numbers, is_rectified_, only_common_pixels)) {
   const std::string content = rig_content(numbers);
   sha256_ = endosdk::sha256(content.data(), content.size());
 }
 
 Rig Rig::identity(Size size) { return Rig(identity_numbers(size)); }
 
-Rectifier Rig::rectifier(const RectifiedGeometry& target, Border border) const {
+RectifiedGeometry Rig::geometry(double alpha) const { return rectified_geometry(numbers_, is_rectified_, alpha); }
+
+ViewGeometry Rig::view(bool right, const RectifiedGeometry& target) const {
   const Rectification& views = target.views;
-  return {size(),
-          target.size,
-          {camera(numbers_, false), views.left_rotation, views.left_projection},
-          {camera(numbers_, true), views.right_rotation, views.right_projection},
-          border};
+  if (right) return {camera(numbers_, true), views.right_rotation, views.right_projection};
+  return {camera(numbers_, false), views.left_rotation, views.left_projection};
+}
+
+Rectifier Rig::rectifier(const RectifiedGeometry& target, Border border) const {
+  return {size(), target.size, view(false, target), view(true, target), border};
 }
 
 }  // namespace endosdk

@@ -16,6 +16,7 @@ struct RectifiedGeometry {
   Size size;
 
   double focal_px() const { return views.left_projection[0]; }
+  double focal_y_px() const { return views.left_projection[5]; }
   double baseline_mm() const { return -views.right_projection[3] / views.right_projection[0]; }
   double cx() const { return views.left_projection[2]; }
   double cy() const { return views.left_projection[6]; }
@@ -36,6 +37,12 @@ class Rig {
   Size size() const { return {numbers_.width, numbers_.height}; }
   bool is_rectified() const { return is_rectified_; }
   const RectifiedGeometry& geometry() const { return geometry_; }
+
+  // The same with another alpha than 0, which the frame path takes; a rectified rig has one geometry only.
+  RectifiedGeometry geometry(double alpha) const;
+
+  // One camera, and what its view is turned into.
+  ViewGeometry view(bool right, const RectifiedGeometry& target) const;
 
   // Equal to the Python package's StereoCalibration.sha256.
   const std::string& sha256() const { return sha256_; }

@@ -1,5 +1,6 @@
 #include "images/image.hpp"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -42,15 +43,6 @@ void copy_interleaved(const PlanarView& from, Size size, uint8_t* to) {
       for (int plane = 0; plane < 3; ++plane) *to++ = from.row(plane, y)[x];
     }
   }
-}
-
-bool same_pixels(const ImageView& left, const ImageView& right) {
-  if (left.width != right.width || left.height != right.height || left.channels != right.channels) return false;
-  const size_t bytes = static_cast<size_t>(left.width) * static_cast<size_t>(left.channels);
-  for (int y = 0; y < left.height; ++y) {
-    if (std::memcmp(left.row(y), right.row(y), bytes) != 0) return false;
-  }
-  return true;
 }
 
 void check_source(const ImageView& image, ChannelOrder order, const char* name) {

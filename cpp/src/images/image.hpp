@@ -39,9 +39,6 @@ struct PlaneRows {
   PlaneRows(const PlanarView& out, ChannelOrder order, int y);
 };
 
-// Two cameras never give the same bytes: one of them was connected twice. Found out at the first row that differs.
-bool same_pixels(const ImageView& left, const ImageView& right);
-
 void check_source(const ImageView& image, ChannelOrder order, const char* name);
 void check_planar(const PlanarView& out, int min_width, int min_height, const char* name);
 

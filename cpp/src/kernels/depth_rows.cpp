@@ -68,28 +68,32 @@ void give_reasons(const float* disparity, const float* confidence, int count, co
     const float nearest = m + 0.5f;
     const int finite = m < infinity;
     const int seen = (m >= 0.0f) & (m <= overlap.last) & (nearest >= overlap.begin) & (nearest < overlap.end);
-    const int found = finite & (disparity[i] + limits.doffs > 0.0f) & (disparity[i] < limits.disparity_end);
-    int r = confidence[i] >= limits.min_confidence ? 0 : low_confidence;
-    r |= (finite & (leftmost < m - 1.0f)) ? occluded : 0;
-    r |= (finite & (seen ^ 1)) ? outside_overlap : 0;
-    r |= found ? 0 : out_of_range;
+    const int found = finite & (disparity[i] > limits.disparity_begin) & (disparity[i] < limits.disparity_end);
+    int r = confidence[i] >= limits.min_confidence ? 0 : ENDO_REASON_LOW_CONFIDENCE;
+    r |= (finite & (leftmost < m - 1.0f)) ? ENDO_REASON_OCCLUDED : 0;
+    r |= (finite & (seen ^ 1)) ? ENDO_REASON_OUTSIDE_OVERLAP : 0;
+    r |= found ? 0 : ENDO_REASON_OUT_OF_RANGE;
     reasons[i] = r;
   }
 }
 
 void add_glare_reasons(const uint8_t* brightness, int count, int32_t* reasons) {
-  for (int i = 0; i < count; ++i) reasons[i] |= brightness[i] >= saturation_level ? saturated : 0;
+  for (int i = 0; i < count; ++i) reasons[i] |= brightness[i] >= saturation_level ? ENDO_REASON_SATURATED : 0;
+}
+
+void add_field_reasons(const uint8_t* inside, int count, int32_t* reasons) {
+  for (int i = 0; i < count; ++i) reasons[i] |= inside[i] ? 0 : ENDO_REASON_OUTSIDE_VIEW;
 }
 
 void add_left_reasons(const uint8_t* valid, int count, int32_t* reasons) {
-  for (int i = 0; i < count; ++i) reasons[i] |= valid[i] ? 0 : outside_overlap;
+  for (int i = 0; i < count; ++i) reasons[i] |= valid[i] ? 0 : ENDO_REASON_OUTSIDE_OVERLAP;
 }
 
 // For right views whose valid part has holes.
 void add_right_reasons(const uint8_t* valid, int count, float last, Scratch& s) {
   for (int i = 0; i < count; ++i) {
     if (!(s.match[i] >= 0.0f && s.match[i] <= last)) continue;
-    if (!valid[static_cast<int>(s.match[i] + 0.5f)]) s.reasons[i] |= outside_overlap;
+    if (!valid[static_cast<int>(s.match[i] + 0.5f)]) s.reasons[i] |= ENDO_REASON_OUTSIDE_OVERLAP;
   }
 }
 
@@ -99,7 +103,7 @@ void write_depth(const float* disparity, int count, const DepthLimits limits, in
     const float value = limits.focal_baseline / (disparity[i] + limits.doffs);
     const int number = (value > 0.0f) & (value < infinity);
     const int usable = number & (value >= limits.min_depth) & (value <= limits.max_depth);
-    const int r = reasons[i] | (usable ? 0 : out_of_range);
+    const int r = reasons[i] | (usable ? 0 : ENDO_REASON_OUT_OF_RANGE);
     reasons[i] = r;
     depth[i] = r == 0 ? value : __builtin_nanf("");
   }
@@ -163,6 +167,7 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
     const float* cover = find_cover(s);
     give_reasons(disparity, confidence, count, s.match, cover, covered_from, overlap, limits, s.reasons);
     if (row.brightness != nullptr) add_glare_reasons(row.brightness + first, count, s.reasons);
+    if (row.inside_left != nullptr) add_field_reasons(row.inside_left + first, count, s.reasons);
     if (row.valid_left != nullptr) add_left_reasons(row.valid_left + first, count, s.reasons);
     if (right_has_holes) add_right_reasons(row.valid_right, count, overlap.last, s);
     if (limits.metric) {

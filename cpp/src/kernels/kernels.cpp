@@ -6,14 +6,26 @@
 #include <string>
 
 #include "platform/errors.hpp"
+#include "platform/system.hpp"
 #include "kernels/sets.hpp"
+
+#define ENDOSDK_ADDRESS(result, name, parameters) name,
+#define ENDOSDK_SET(isa)                                                 \
+  namespace endosdk::isa {                                               \
+  constexpr Kernels set{#isa, ENDOSDK_FOR_EACH_KERNEL(ENDOSDK_ADDRESS)}; \
+  }
+
+ENDOSDK_SET(plain)
+#ifdef ENDOSDK_X86_KERNELS
+ENDOSDK_SET(avx2)
+ENDOSDK_SET(avx512)
+#endif
+#ifdef ENDOSDK_ARM_KERNELS
+ENDOSDK_SET(neon)
+#endif
 
 namespace endosdk {
 namespace {
-
-#define ENDOSDK_KERNELS(isa) \
-  {#isa,            isa::reduce_row,  isa::remap_rgb,  isa::remap_gray,  isa::split_rgb, isa::blend_rows, \
-   isa::stretch_row, isa::mean_cells, isa::trust_cells, isa::joint_bilateral_row, isa::depth_row}
 
 bool runs_plain() { return true; }
 
@@ -33,10 +45,13 @@ struct Choice {
 // Best first.
 constexpr Choice choices[] = {
 #ifdef ENDOSDK_X86_KERNELS
-    {ENDOSDK_KERNELS(avx512), runs_avx512},
-    {ENDOSDK_KERNELS(avx2), runs_avx2},
+    {avx512::set, runs_avx512},
+    {avx2::set, runs_avx2},
 #endif
-    {ENDOSDK_KERNELS(plain), runs_plain},
+#ifdef ENDOSDK_ARM_KERNELS
+    {neon::set, runs_plain},
+#endif
+    {plain::set, runs_plain},
 };
 
 const Kernels* best() {
@@ -59,7 +74,7 @@ bool has_integer_units() {
 #ifdef ENDOSDK_X86_KERNELS
   return runs_avx2();
 #else
-  return false;
+  return system::has_arm_dot_products();
 #endif
 }
 

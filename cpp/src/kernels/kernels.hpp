@@ -27,6 +27,7 @@ struct DepthRow {
   const float* disparity;
   const float* confidence;
   const uint8_t* brightness;  // least channel of the left view; null: not tested
+  const uint8_t* inside_left;  // the field of view; null: all of it
   const uint8_t* valid_left;
   const uint8_t* valid_right;
   uint8_t* reasons;
@@ -37,7 +38,8 @@ struct DepthRow {
 
 struct DepthLimits {
   float min_confidence;
-  float disparity_end;  // frame px: there and beyond the network finds nothing; may be infinite
+  float disparity_begin;  // frame px: up to there an error of the network is as large as the disparity
+  float disparity_end;    // frame px: there and beyond the network finds nothing; may be infinite
   bool metric;           // the rest holds only if true
   float focal_baseline;  // px * mm
   float doffs;           // px
@@ -75,44 +77,108 @@ struct JointBilateralRow {
   float* out;
 };
 
+// One row of brightness, (R + 2 G + B) / 4: means over 2 x unit rows and unit columns, smoothed along the row by 1 2 1.
+struct BrightnessRow {
+  const uint8_t* channel[3];  // the first of the rows
+  ptrdiff_t stride;
+  int unit;
+  int count;       // of the output
+  float* scratch;  // count values
+  float* out;
+};
+
+// Cells, to each side, of the window in which two views are compared.
+constexpr int correlation_reach = 4;
+constexpr int correlation_window = 2 * correlation_reach + 1;
+
+// Sums over a window: how many cells have a match, left, right, their squares, their product.
+constexpr int correlation_sums = 6;
+
+// One row of cells, each two columns wide: the left view, and the right one where it was matched, summed along the row.
+struct MatchRow {
+  const float* left;  // rows of brightness
+  const float* right;
+  int columns;  // of these; at least 2
+  const float* disparity;  // of each cell, columns
+  int cells;
+  float* scratch;  // correlation_sums * (cells + 2 * correlation_reach) values
+  float* sums;     // correlation_sums planes of `cells` values
+};
+
+// How well the views agree in each cell of a row.
+struct CorrelationRow {
+  const float* sums[correlation_window];  // the rows of the window; null beyond the picture
+  const float* disparity[3];              // of the row above, this one and the one below, with a cell more at both ends
+  int cells;
+  float left_noise;  // variance
+  float right_noise;
+  float* correlation;  // of what is no noise, -1..1; not a number where nothing can be compared
+  float* support;      // share of the network's confidence that the pictures leave, 0..1
+};
+
+// Sums of a Lucas-Kanade step: how many cells count, the left view's gradients along x and y, the difference of the views,
+// and the products of these three.
+constexpr int row_step_sums = 9;
+
+// One row of cells, each two columns wide, compared with the right view at the disparity found and `offset` rows lower.
+struct RowStepRow {
+  const float* left;  // first rows of brightness; row - 1 and row + 1 lie inside
+  const float* right;
+  int columns;  // at least 2, like rows
+  int rows;
+  int row;
+  int cells;
+  const float* disparity;  // of each cell, columns
+  const float* offset;
+  const float* wanted;  // 1 for cells that count, 0 for others
+  float* sums;          // row_step_sums planes of `cells` values, which are added to; cell 0 is left out
+};
+
+// Every kernel, written once: what it returns, its name, what it takes. `Kernels` and all its sets are made of this.
+#define ENDOSDK_FOR_EACH_KERNEL(KERNEL)                                                                                \
+  /* One row of means over blocks of factor x factor pixels, rounded half up; `source` is their first row. */          \
+  KERNEL(void, reduce_row, (const uint8_t* source, ptrdiff_t stride, const Reduction& reduction,                       \
+                            uint16_t* scratch, uint8_t* out))                                                          \
+  /* Bilinear samples of an interleaved image, to one plane per channel. Three-channel kernels read 16 bytes from a    \
+     left neighbour on, gray ones 4; whoever makes the spans sees to it that these lie inside the row (`remap_reach`). */ \
+  KERNEL(void, remap_rgb, (const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1,          \
+                           uint8_t* c2))                                                                               \
+  KERNEL(void, remap_gray, (const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out))                    \
+  /* Interleaved to planar. */                                                                                         \
+  KERNEL(void, split_rgb, (const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8_t* c2))                   \
+  /* value[i] = gain * (upper[i] + weight * (lower[i] - upper[i])), step[i] = value[i + 1] - value[i], at the end 0. */ \
+  KERNEL(void, blend_rows, (const float* upper, const float* lower, float weight, float gain, int count,               \
+                            float* value, float* step))                                                                \
+  /* out[x] = value[index[x]] + weight[x] * step[index[x]]. `index` never falls; `value` and `step` may be read, not   \
+     used, up to stretch_reach elements from the first index of a group on. */                                         \
+  KERNEL(void, stretch_row, (const float* value, const float* step, const int32_t* index, const float* weight,         \
+                             int count, float* out))                                                                   \
+  /* Means of `count` cells of factor x factor pixels of one channel. */                                               \
+  KERNEL(void, mean_cells, (const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out))                 \
+  /* How much a cell's disparity is worth, see sharpness.hpp, and that times the disparity. */                         \
+  KERNEL(void, trust_cells, (const float* disparity, const float* confidence, int count, float* trust,                 \
+                             float* trusted))                                                                          \
+  /* What the structs above say. */                                                                                    \
+  KERNEL(void, joint_bilateral_row, (const JointBilateralRow& row))                                                    \
+  KERNEL(void, brightness_row, (const BrightnessRow& row))                                                             \
+  KERNEL(void, match_row, (const MatchRow& row))                                                                       \
+  KERNEL(void, correlation_row, (const CorrelationRow& row))                                                           \
+  KERNEL(void, row_step_row, (const RowStepRow& row))                                                                 \
+  /* Returns the number of pixels without a reason. */                                                                 \
+  KERNEL(int, depth_row, (const DepthRow& row, const DepthLimits& limits))
+
 struct Kernels {
   const char* name;
-
-  // One row of means over blocks of factor x factor pixels, rounded half up; `source` is the first row of the blocks.
-  void (*reduce_row)(const uint8_t* source, ptrdiff_t stride, const Reduction& reduction, uint16_t* scratch,
-                     uint8_t* out);
-
-  // Bilinear samples of an interleaved image, to one plane per channel. Three-channel kernels read 16 bytes from a
-  // left neighbour on, gray ones 4; whoever makes the spans sees to it that these lie inside the row (`remap_reach`).
-  void (*remap_rgb)(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* c0, uint8_t* c1, uint8_t* c2);
-  void (*remap_gray)(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out);
-
-  // Interleaved to planar.
-  void (*split_rgb)(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8_t* c2);
-
-  // value[i] = gain * (upper[i] + weight * (lower[i] - upper[i])) and step[i] = value[i + 1] - value[i], zero at the end.
-  void (*blend_rows)(const float* upper, const float* lower, float weight, float gain, int count, float* value,
-                     float* step);
-  // out[x] = value[index[x]] + weight[x] * step[index[x]]. `index` never falls; `value` and `step` may be read, not
-  // used, up to stretch_reach elements from the first index of a group on.
-  void (*stretch_row)(const float* value, const float* step, const int32_t* index, const float* weight, int count,
-                      float* out);
-
-  // Means of `count` cells of factor x factor pixels of one channel.
-  void (*mean_cells)(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out);
-  // How much a cell's disparity is worth, see sharpness.hpp, and that times the disparity.
-  void (*trust_cells)(const float* disparity, const float* confidence, int count, float* trust, float* trusted);
-  void (*joint_bilateral_row)(const JointBilateralRow& row);
-
-  // Returns the number of pixels without a reason.
-  int (*depth_row)(const DepthRow& row, const DepthLimits& limits);
+#define ENDOSDK_POINTER(result, name, parameters) result(*name) parameters;
+  ENDOSDK_FOR_EACH_KERNEL(ENDOSDK_POINTER)
+#undef ENDOSDK_POINTER
 };
 
 // The set in use: the best this processor has, unless another was chosen.
 const Kernels& kernels();
 
-// Whether this processor has vector instructions for 8-bit integers (AVX2 or later). Without them, networks of 8-bit
-// integers are slower than those of floats.
+// Whether this processor has vector instructions for 8-bit integers (AVX2 or later; dot products of ARMv8.2). Without
+// them, networks of 8-bit integers are slower than those of floats.
 bool has_integer_units();
 
 // The i-th set of this build, best first, whether this processor runs it or not; null beyond the last.

@@ -1,23 +1,22 @@
 // The functions of endosdk.h. Each turns C structs into ours and every exception into a status; nothing else happens here.
 #include <endosdk/endosdk.h>
 
-#include <cstdio>
 #include <condition_variable>
 #include <cstring>
 #include <memory>
 #include <mutex>
-#include <new>
-#include <system_error>
 #include <vector>
 
 #include "library/build_info.hpp"
 #include "library/capi_structs.hpp"
+#include "library/guarded.hpp"
 #include "frame_path/stream.hpp"
 #include "model/providers.hpp"
 #include "platform/fair_lock.hpp"
 
-using endosdk::Error;
 using endosdk::FramePath;
+using endosdk::guarded;
+using endosdk::require_pointer;
 using endosdk::Stream;
 
 namespace {
@@ -50,6 +49,7 @@ class Callers {
 
 struct endo_estimator {
   std::shared_ptr<FramePath> path;
+  endosdk::OwnProcess process{};
   Callers callers{};
 };
 
@@ -58,6 +58,7 @@ struct endo_stream {
   // Of the frames in flight, and of the one that is being received.
   std::vector<endosdk::ResultWriter> writers;
   std::vector<endo_result*> results;
+  endosdk::OwnProcess process{};
   endosdk::FairLock submitting{};
   endosdk::FairLock receiving{};
   uint64_t submitted = 0;
@@ -66,49 +67,13 @@ struct endo_stream {
 
 namespace {
 
-// A fixed buffer, because out of memory must be reported, too.
-thread_local char last_error[1024] = "";
-
-endo_status report(endo_status status, const char* message) {
-  std::snprintf(last_error, sizeof last_error, "%s [%s]", message, endo_status_name(status));
-  return status;
-}
-
-// Runs the body of a function; no exception leaves it.
-template <typename Body>
-endo_status guarded(const Body& body) noexcept {
-  try {
-    body();
-    return ENDO_OK;
-  } catch (const Error& error) {
-    return report(error.status(), error.what());
-  } catch (const std::bad_alloc&) {
-    return report(ENDO_OUT_OF_MEMORY, "memory: is used up; got none");
-  } catch (const std::length_error&) {
-    return report(ENDO_OUT_OF_MEMORY, "memory: is used up; got a request beyond any memory");
-  } catch (const std::system_error& error) {
-    // What the C++ library throws where no further thread can be started.
-    const bool used_up = error.code() == std::errc::resource_unavailable_try_again;
-    return used_up ? report(ENDO_OUT_OF_MEMORY, "threads: the system must be able to start 1 more; got 0")
-                   : report(ENDO_INTERNAL, error.what());
-  } catch (const std::exception& error) {
-    return report(ENDO_INTERNAL, error.what());
-  } catch (...) {
-    return report(ENDO_INTERNAL, "internal: an unknown exception");
-  }
-}
-
-template <typename Pointer>
-void require_pointer(Pointer pointer, const char* argument) {
-  endosdk::require(pointer != nullptr, ENDO_INVALID_ARGUMENT, argument, "must not be NULL", "NULL");
-}
-
 // One call inside a handle.
 template <typename Handle>
 class Call {
  public:
   Call(Handle* handle, const char* argument) : handle_(handle) {
     require_pointer(handle, argument);
+    handle->process.check();
     handle_->callers.enter();
   }
   ~Call() { handle_->callers.leave(); }
@@ -137,7 +102,11 @@ endo_status open(const endo_options* options, endo_estimator** estimator, const 
     auto model = std::make_shared<const endosdk::ModelFile>(
         other ? endosdk::read_model(request.float32_model, request.float32_model_sha256) : read(request.model_sha256));
     const endosdk::Log& log = request.settings.log;
-    auto session = std::make_shared<endosdk::OrtStereoSession>(endosdk::Runtime::open(request.runtime_library, log),
+    if (!model->is_sealed && (other ? request.float32_model_sha256 : request.model_sha256).empty()) {
+      log(ENDO_LOG_WARNING, (model->origin + " carries no seal: damage to its weights would not be noticed; export it "
+                             "with this release").c_str());
+    }
+    auto session = std::make_shared<endosdk::OrtStereoSession>(endosdk::Runtime::open(request.runtime_library, request.runtime_sha256, log),
                                                                std::move(model), request.session, log);
     *estimator = new endo_estimator{std::make_shared<FramePath>(std::move(session), request.settings)};
   });
@@ -151,7 +120,7 @@ const char* endo_version(void) { return endosdk::version_text(); }
 
 const char* endo_build_info(void) { return endosdk::build_info(); }
 
-const char* endo_last_error(void) { return last_error; }
+const char* endo_last_error(void) { return endosdk::last_error(); }
 
 const char* endo_status_name(int32_t status) {
   switch (status) {
@@ -171,8 +140,14 @@ const char* endo_status_name(int32_t status) {
     case ENDO_OUT_OF_MEMORY: return "OUT_OF_MEMORY";
     case ENDO_SELF_TEST_FAILED: return "SELF_TEST_FAILED";
     case ENDO_INTERNAL: return "INTERNAL";
+    case ENDO_RUNTIME_HASH_MISMATCH: return "RUNTIME_HASH_MISMATCH";
   }
   return "UNKNOWN";
+}
+
+const char* endo_cause_name(int32_t cause) {
+  const endosdk::CauseFact* fact = endosdk::fact_of(cause);
+  return fact != nullptr ? fact->name : "UNKNOWN";
 }
 
 endo_status endo_options_init(endo_options* options, size_t struct_size) {
@@ -197,7 +172,8 @@ endo_status endo_open_memory(const void* data, size_t size, const endo_options* 
 }
 
 void endo_close(endo_estimator* estimator) {
-  if (estimator == nullptr) return;
+  // A forked child leaves what is its parent's alone: the runtime would wait for threads that it does not have.
+  if (estimator == nullptr || !estimator->process.is_this()) return;
   estimator->path->close();
   estimator->callers.wait_for_none();
   delete estimator;
@@ -234,7 +210,7 @@ endo_status endo_predict(endo_estimator* estimator, const endo_image* left, cons
   const endo_status status = guarded([&] {
     writer.accept(result);
     with(estimator, [&](FramePath& path) {
-      const endosdk::FramePair pair = endosdk::frame_pair(left, right);
+      const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
       writer.check_capacity(pair.size());
       writer.write(path.predict(pair, writer.maps()));
     });
@@ -299,13 +275,21 @@ endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t h
   });
 }
 
+endo_status endo_stream_set_temporal(endo_stream* stream, int32_t temporal) {
+  return guarded([&] {
+    const Call call(stream, "stream");
+    endosdk::require(temporal == 0 || temporal == 1, "temporal", "must be 0 or 1", temporal);
+    stream->stream->set_temporal(temporal == 1);
+  });
+}
+
 endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, const endo_image* right,
                                endo_result* result) {
   endosdk::ResultWriter writer;
   const endo_status status = guarded([&] {
     writer.accept(result);
     const Call call(stream, "stream");
-    const endosdk::FramePair pair = endosdk::frame_pair(left, right);
+    const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
     writer.check_capacity(pair.size());
     const std::lock_guard lock(stream->submitting);
     endosdk::require(stream->stream->wait_for_room(), "stream", "must not have ended", "an ended one");
@@ -337,6 +321,13 @@ endo_status endo_stream_receive(endo_stream* stream, endo_result** result) {
   });
 }
 
+endo_status endo_stream_follow_rig(endo_stream* stream) {
+  return guarded([&] {
+    const Call call(stream, "stream");
+    stream->stream->follow_rig();
+  });
+}
+
 endo_status endo_stream_end(endo_stream* stream) {
   return guarded([&] {
     const Call call(stream, "stream");
@@ -345,7 +336,7 @@ endo_status endo_stream_end(endo_stream* stream) {
 }
 
 void endo_stream_close(endo_stream* stream) {
-  if (stream == nullptr) return;
+  if (stream == nullptr || !stream->process.is_this()) return;
   stream->stream->close();
   stream->callers.wait_for_none();
   delete stream;

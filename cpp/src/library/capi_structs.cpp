@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "geometry/pose_filter.hpp"
 #include "maps/reasons.hpp"
 #include "platform/errors.hpp"
 #include "platform/threads.hpp"
@@ -21,15 +22,22 @@ constexpr size_t first_image = 32;
 constexpr size_t first_result = 120;
 static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) == first_calibration &&
               sizeof(endo_geometry) == first_geometry && sizeof(endo_image) == first_image &&
-              sizeof(endo_result) == first_result);
+              sizeof(endo_result) >= first_result);
 
 // What the header shows and the core means are the same numbers.
-constexpr bool same(endo_reason shown, Reason meant) { return static_cast<int>(shown) == static_cast<int>(meant); }
-static_assert(same(ENDO_REASON_LOW_CONFIDENCE, low_confidence) && same(ENDO_REASON_OCCLUDED, occluded) &&
-              same(ENDO_REASON_OUTSIDE_OVERLAP, outside_overlap) && same(ENDO_REASON_OUT_OF_RANGE, out_of_range) &&
-              same(ENDO_REASON_SATURATED, saturated));
 static_assert(ENDO_QUALITY_OK == static_cast<int>(Quality::ok) && ENDO_QUALITY_DEGRADED == static_cast<int>(Quality::degraded) &&
               ENDO_QUALITY_INVALID == static_cast<int>(Quality::invalid));
+
+constexpr bool same(endo_cause shown, Cause meant) { return static_cast<int>(shown) == static_cast<int>(meant); }
+static_assert(same(ENDO_CAUSE_COVERED, Cause::covered) && same(ENDO_CAUSE_SATURATED, Cause::saturated) &&
+              same(ENDO_CAUSE_BLURRED, Cause::blurred) && same(ENDO_CAUSE_DIM, Cause::dim) &&
+              same(ENDO_CAUSE_FROZEN, Cause::frozen) && same(ENDO_CAUSE_NOT_SIMULTANEOUS, Cause::not_simultaneous) &&
+              same(ENDO_CAUSE_SAME_VIEW_TWICE, Cause::same_view_twice) && same(ENDO_CAUSE_SWAPPED, Cause::swapped) &&
+              same(ENDO_CAUSE_NOT_RECTIFIED, Cause::not_rectified) && same(ENDO_CAUSE_RIG_MOVED, Cause::rig_moved) &&
+              same(ENDO_CAUSE_OUT_OF_RANGE, Cause::out_of_range) && same(ENDO_CAUSE_LOW_TEXTURE, Cause::low_texture) &&
+              same(ENDO_CAUSE_LATE, Cause::late) && same(ENDO_CAUSE_VIEWS_DIFFER, Cause::views_differ) &&
+              same(ENDO_CAUSE_FEW_VALID, Cause::few_valid) && same(ENDO_CAUSE_STALE, Cause::stale) &&
+              ENDO_MOST_CAUSES == most_causes);
 
 constexpr size_t largest_struct = 65536;  // beyond it struct_size was surely never set
 
@@ -92,6 +100,14 @@ void check_numbers(const endo_options& o) {
                    o.log_level);
 }
 
+ProviderOptions provider_options(const endo_options& o) {
+  std::vector<std::string> texts;
+  for (const char* const* text = o.provider_options; text != nullptr && *text != nullptr; ++text) texts.emplace_back(*text);
+  ProviderOptions options = parse_provider_options(texts);
+  check_provider_options(o.provider != nullptr ? o.provider : cpu_provider, options);
+  return options;
+}
+
 std::optional<Size> network_size(const endo_options& o) {
   if (o.network_width == 0 && o.network_height == 0) return std::nullopt;
   return Size{o.network_width, o.network_height};
@@ -131,15 +147,18 @@ OpenRequest open_request(const endo_options* options) {
   request.float32_model = text_or_nothing(o.float32_model, "float32_model");
   request.float32_model_sha256 = text_or_nothing(o.float32_model_sha256, "float32_model_sha256");
   request.runtime_library = text_or_nothing(o.runtime_library, "runtime_library");
+  request.runtime_sha256 = text_or_nothing(o.runtime_sha256, "runtime_sha256");
   FramePathSettings& s = request.settings;
   s.threads = o.threads;
   s.network = network_size(o);
   s.limits = {o.min_confidence, o.min_depth_mm, o.max_depth_mm, o.depth_unit_mm};
   s.deadline_ms = o.deadline_ms;
-  s.log = {o.log, o.log_context, o.log_level};
+  s.max_age_ms = o.max_age_ms;
+  s.log = s.frame_log = {o.log, o.log_context, o.log_level};
   check_settings(s);
   if (s.threads == 0) s.threads = default_thread_count();
   if (o.provider != nullptr) request.session.provider = o.provider;
+  request.session.provider_options = provider_options(o);
   request.session.threads = s.threads;
   request.session.spinning = o.spinning == 1;
   return request;
@@ -184,11 +203,14 @@ FramePair frame_pair(const endo_image* left, const endo_image* right) {
   return pair;
 }
 
+endo_result read_result(const endo_result* result) { return read_struct(result, first_result, "result"); }
+
 void ResultWriter::accept(endo_result* result) {
   known_ = read_struct(result, first_result, "result");
   constexpr uint64_t most = std::numeric_limits<int32_t>::max();
   require_argument(known_.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known_.capacity);
   require_argument(known_.reserved == 0, "result.reserved", "must be 0", known_.reserved);
+  require_argument(known_.reserved2 == 0, "result.reserved2", "must be 0", known_.reserved2);
   check_memory(maps(), known_.capacity);
   target_ = result;
 }
@@ -204,6 +226,11 @@ MapsOut ResultWriter::maps() const {
           known_.reasons,   known_.disparity_u16, known_.depth_u16};
 }
 
+FramePair ResultWriter::stamped(FramePair pair) const {
+  pair.stamp_ns = known_.stamp_ns;
+  return pair;
+}
+
 void ResultWriter::write(const FrameReport& report) {
   known_.quality = static_cast<int32_t>(report.quality);
   known_.frame = report.frame;
@@ -212,7 +239,46 @@ void ResultWriter::write(const FrameReport& report) {
   known_.session_ms = report.session_ms;
   known_.postprocess_ms = report.postprocess_ms;
   known_.late = report.late ? 1 : 0;
+  known_.causes = report.causes.bits();
+  std::fill(std::begin(known_.measures), std::end(known_.measures), never);
+  for (const CauseFact& fact : cause_facts) known_.measures[static_cast<int>(fact.cause)] = report.causes.measure(fact.cause);
+  write_rig(report);
+  known_.age_ms = report.age_ms;
+  known_.identity = {};
+  if (report.identity) write_identity(*report.identity);
   store();
+}
+
+void ResultWriter::write_identity(const Identity& identity) {
+  endo_identity& shown = known_.identity;
+  const auto put = [](auto& text, const std::string& value) { value.copy(text, sizeof text - 1); };
+  put(shown.endosdk, identity.endosdk);
+  put(shown.model, identity.model);
+  put(shown.model_version, identity.model_version);
+  put(shown.model_sha256, identity.model_sha256);
+  put(shown.calibration_sha256, identity.calibration_sha256);
+  put(shown.runtime, identity.runtime);
+  put(shown.runtime_sha256, identity.runtime_sha256);
+  put(shown.provider, identity.provider);
+  put(shown.device, identity.device);
+}
+
+void ResultWriter::write_rig(const FrameReport& report) {
+  const bool measured = report.pose.measured;
+  known_.vertical_disparity_px = measured ? report.pose.vertical_px : never;
+  known_.vertical_disparity_se_px = measured ? report.pose.vertical_se_px : never;
+  const auto degrees = [](bool known, double radians) { return known ? degrees_per_radian * radians : never; };
+  const bool frame = measured && report.calibrated;
+  const bool steady = report.steady.measured && report.calibrated;
+  for (int i = 0; i < 3; ++i) {
+    const auto at = static_cast<size_t>(i);
+    known_.rotation_deg[i] = degrees(frame, report.pose.value[at]);
+    known_.rotation_se_deg[i] = degrees(frame, report.pose.standard_error(i));
+    known_.steady_rotation_deg[i] = degrees(steady, report.steady.value[at]);
+    known_.steady_rotation_se_deg[i] = degrees(steady, report.steady.standard_error(i));
+    known_.corrected_deg[i] = degrees(true, report.corrected[at]);
+  }
+  known_.drifted = report.calibrated && has_drifted(report.steady) ? 1 : 0;
 }
 
 void ResultWriter::write_failure() {

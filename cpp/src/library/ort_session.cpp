@@ -2,10 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <optional>
 
-#include "library/session_interface.hpp"
-#include "model/providers.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -35,19 +32,6 @@ std::string installed_provider(const Runtime& runtime, const std::string& wanted
           Text("must be one of ", short_names, ", or a full name, and be installed here (installed: ", join(available), ")"),
           name);
   return name;
-}
-
-// Called from within the runtime, which no exception of the host's function may enter.
-void ORT_API_CALL forward_log(void* log, OrtLoggingLevel severity, const char*, const char*, const char*,
-                              const char* message) {
-  const endo_log_level level = severity >= ORT_LOGGING_LEVEL_ERROR     ? ENDO_LOG_ERROR
-                               : severity == ORT_LOGGING_LEVEL_WARNING ? ENDO_LOG_WARNING
-                                                                       : ENDO_LOG_INFO;
-  try {
-    (*static_cast<const Log*>(log))(level, message);
-  } catch (...) {
-    // The line is lost; the frame is not.
-  }
 }
 
 }  // namespace
@@ -87,6 +71,7 @@ OrtStereoSession::BoundRun::BoundRun(const OrtStereoSession& session, SessionBuf
   OrtRunOptions* options = nullptr;
   check(api.CreateRunOptions(&options), rule);
   options_.reset(options);
+  check(api.RunOptionsSetRunLogSeverityLevel(options, session_.log_.severity()), rule);
   OrtIoBinding* binding = nullptr;
   check(api.CreateIoBinding(session_.session_.get(), &binding), rule);
   binding_.reset(binding);
@@ -125,8 +110,8 @@ OrtStereoSession::OrtStereoSession(std::shared_ptr<const Runtime> runtime, std::
       file_(std::move(model)),
       settings_(settings),
       log_(log),
-      facts_{installed_provider(*runtime_, settings.provider), runtime_->version(), runtime_->path(),
-             runtime_->telemetry_on()},
+      facts_{installed_provider(*runtime_, settings.provider), settings.provider_options, runtime_->version(),
+             runtime_->path(), runtime_->sha256(), runtime_->telemetry_on()},
       environment_(nullptr, runtime_->api().ReleaseEnv),
       session_(nullptr, runtime_->api().ReleaseSession) {
   open();
@@ -134,13 +119,31 @@ OrtStereoSession::OrtStereoSession(std::shared_ptr<const Runtime> runtime, std::
   check_interface(*runtime_, session_.get());
 }
 
+OrtStereoSession::OrtStereoSession(const OrtStereoSession& reader, Size input)
+    : runtime_(reader.runtime_),
+      file_(reader.file_),
+      settings_(reader.settings_),
+      log_(reader.log_.log()),
+      sides_(open_sides(*runtime_, reader.session_.get(), input)),
+      facts_(reader.facts_),
+      info_(reader.info_),
+      environment_(nullptr, runtime_->api().ReleaseEnv),
+      session_(nullptr, runtime_->api().ReleaseSession) {
+  open();
+}
+
+std::shared_ptr<Session> OrtStereoSession::for_size(Size input) {
+  return is_reader() ? std::shared_ptr<OrtStereoSession>(new OrtStereoSession(*this, input)) : nullptr;
+}
+
 std::unique_ptr<Session::Run> OrtStereoSession::bind(SessionBuffers& buffers) {
+  require(!is_reader(), ENDO_INTERNAL, "session", "must be one for a size", facts_.provider);
   return std::make_unique<BoundRun>(*this, buffers);
 }
 
 std::shared_ptr<Session> OrtStereoSession::for_one_thread_each() {
   if (facts_.provider != cpu_provider || settings_.threads == 1) return nullptr;
-  return std::make_shared<OrtStereoSession>(runtime_, file_, SessionSettings{settings_.provider, 1, false}, log_);
+  return std::make_shared<OrtStereoSession>(runtime_, file_, SessionSettings{settings_.provider, {}, 1, false}, log_.log());
 }
 
 void OrtStereoSession::open() {
@@ -153,45 +156,64 @@ void OrtStereoSession::open() {
   OrtSessionOptions* made = nullptr;
   check(api.CreateSessionOptions(&made));
   const OrtHandle<OrtSessionOptions> options(made, api.ReleaseSessionOptions);
-  const bool wants_info = log_.level >= ENDO_LOG_INFO;
-  check(api.SetUserLoggingFunction(options.get(), forward_log, &log_));
-  check(api.SetSessionLogSeverityLevel(options.get(), wants_info ? ORT_LOGGING_LEVEL_INFO : ORT_LOGGING_LEVEL_ERROR));
-  check(api.SetIntraOpNumThreads(options.get(), settings_.threads));
+  const bool may_be_slow = is_reader();
+  check(api.SetUserLoggingFunction(options.get(), LogReader::forward, &log_));
+  check(api.SetSessionLogSeverityLevel(options.get(), sides_ ? ORT_LOGGING_LEVEL_VERBOSE : log_.severity()));
+  check(api.SetIntraOpNumThreads(options.get(), may_be_slow ? 1 : settings_.threads));
   check(api.AddSessionConfigEntry(options.get(), "session.intra_op.allow_spinning", settings_.spinning ? "1" : "0"));
   // Waiting threads must not burn the cores that rectification and post-processing need between two runs.
   check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
-  add_provider(options.get());
+  if (may_be_slow) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
+  if (sides_) add_provider(options.get());
   // The runtime hangs where the system runs out of threads while it starts its own, so they are asked for first.
   reserve_threads(settings_.threads);
+  log_.start_reading();
   OrtSession* session = nullptr;
-  runtime_->check(api.CreateSessionFromArray(environment_.get(), file_->data.data(), file_->data.size(), options.get(), &session),
-                  ENDO_MODEL_UNREADABLE, "model", Text(file_->origin, " must be an ONNX file that runs here"));
+  OrtStatus* status =
+      api.CreateSessionFromArray(environment_.get(), file_->data.data(), file_->data.size(), options.get(), &session);
+  const Placement& placement = log_.stop_reading();
+  if (sides_) check_provider(status);
+  else runtime_->check(status, ENDO_MODEL_UNREADABLE, "model", Text(file_->origin, " must be an ONNX file that runs here"));
   session_.reset(session);
+  if (sides_) check_placement(facts_.provider, placement);
+}
+
+void OrtStereoSession::check_provider(OrtStatus* status) const {
+  runtime_->check(status, ENDO_PROVIDER_UNAVAILABLE, "provider", Text(facts_.provider, " must start on this machine"));
 }
 
 void OrtStereoSession::add_provider(OrtSessionOptions* options) const {
+  // A graph whose sides are known holds no arithmetic of shapes, which the runtime would leave to the processor.
+  for (const auto& [name, length] : *sides_) {
+    check_provider(runtime_->api().AddFreeDimensionOverrideByName(options, name.c_str(), length));
+  }
+  std::vector<const char*> keys;
+  std::vector<const char*> values;
+  for (const auto& [key, value] : settings_.provider_options) {
+    keys.push_back(key.c_str());
+    values.push_back(value.c_str());
+  }
+  append_provider(options, keys, values);
+}
+
+void OrtStereoSession::append_provider(OrtSessionOptions* options, const std::vector<const char*>& keys,
+                                       const std::vector<const char*>& values) const {
   const OrtApi& api = runtime_->api();
-  const auto check = [&](OrtStatus* status) {
-    runtime_->check(status, ENDO_PROVIDER_UNAVAILABLE, "provider", Text(facts_.provider, " must start on this machine"));
-  };
-  if (facts_.provider == cpu_provider) return;
-  // A node that cannot run on the accelerator is an error, never a silent move to the processor.
-  check(api.AddSessionConfigEntry(options, "session.disable_cpu_ep_fallback", "1"));
   if (facts_.provider == "CUDAExecutionProvider") {
     OrtCUDAProviderOptionsV2* cuda = nullptr;
-    check(api.CreateCUDAProviderOptions(&cuda));
+    check_provider(api.CreateCUDAProviderOptions(&cuda));
     const OrtHandle<OrtCUDAProviderOptionsV2> held(cuda, api.ReleaseCUDAProviderOptions);
-    check(api.SessionOptionsAppendExecutionProvider_CUDA_V2(options, cuda));
+    check_provider(api.UpdateCUDAProviderOptions(cuda, keys.data(), values.data(), keys.size()));
+    check_provider(api.SessionOptionsAppendExecutionProvider_CUDA_V2(options, cuda));
   } else if (facts_.provider == "TensorrtExecutionProvider") {
     OrtTensorRTProviderOptionsV2* tensorrt = nullptr;
-    check(api.CreateTensorRTProviderOptions(&tensorrt));
+    check_provider(api.CreateTensorRTProviderOptions(&tensorrt));
     const OrtHandle<OrtTensorRTProviderOptionsV2> held(tensorrt, api.ReleaseTensorRTProviderOptions);
-    check(api.SessionOptionsAppendExecutionProvider_TensorRT_V2(options, tensorrt));
+    check_provider(api.UpdateTensorRTProviderOptions(tensorrt, keys.data(), values.data(), keys.size()));
+    check_provider(api.SessionOptionsAppendExecutionProvider_TensorRT_V2(options, tensorrt));
   } else {
-    // The runtime's general call wants the name without its common ending.
-    const std::string ending = "ExecutionProvider";
-    const std::string name = facts_.provider.substr(0, facts_.provider.size() - std::min(facts_.provider.size(), ending.size()));
-    check(api.SessionOptionsAppendExecutionProvider(options, name.c_str(), nullptr, nullptr, 0));
+    const std::string name = call_name_of_provider(facts_.provider);
+    check_provider(api.SessionOptionsAppendExecutionProvider(options, name.c_str(), keys.data(), values.data(), keys.size()));
   }
 }
 

@@ -2,20 +2,25 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "frame_path/session.hpp"
+#include "library/log_reader.hpp"
 #include "library/runtime.hpp"
-#include "platform/log.hpp"
+#include "library/session_interface.hpp"
+#include "model/providers.hpp"
 
 namespace endosdk {
 
 struct SessionSettings {
   std::string provider = "cpu";  // short name or the runtime's own
+  ProviderOptions provider_options;
   int threads = 0;               // 0: the runtime chooses
   bool spinning = true;
 };
 
+// For an accelerator this one only reads what the model says of itself, on the processor; what runs is made by `for_size`.
 class OrtStereoSession : public Session {
  public:
   OrtStereoSession(std::shared_ptr<const Runtime> runtime, std::shared_ptr<const ModelFile> model,
@@ -23,20 +28,28 @@ class OrtStereoSession : public Session {
 
   const ModelInfo& model() const override { return info_; }
   const SessionFacts& facts() const override { return facts_; }
+  std::shared_ptr<Session> for_size(Size input) override;
   std::unique_ptr<Run> bind(SessionBuffers& buffers) override;
   std::shared_ptr<Session> for_one_thread_each() override;
 
  private:
   class BoundRun;
 
+  OrtStereoSession(const OrtStereoSession& reader, Size input);
+
+  bool is_reader() const { return facts_.provider != cpu_provider && !sides_; }
   void open();
   void read_metadata();
+  void check_provider(OrtStatus* status) const;
   void add_provider(OrtSessionOptions* options) const;
+  void append_provider(OrtSessionOptions* options, const std::vector<const char*>& keys,
+                       const std::vector<const char*>& values) const;
 
   std::shared_ptr<const Runtime> runtime_;
   std::shared_ptr<const ModelFile> file_;
   SessionSettings settings_;
-  Log log_;
+  LogReader log_;
+  std::optional<OpenSides> sides_;  // of a session for one size
   SessionFacts facts_;
   ModelInfo info_;
   OrtHandle<OrtEnv> environment_;

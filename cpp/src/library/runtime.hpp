@@ -1,7 +1,7 @@
 // ONNX Runtime, found and opened while the program runs, so that one binary works with every version from 1.21 on.
 #pragma once
 
-#include <onnxruntime_c_api.h>
+#include "library/onnxruntime.hpp"
 
 #include <memory>
 #include <string>
@@ -19,7 +19,8 @@ static_assert(ORT_API_VERSION >= runtime_api, "the headers of ONNX Runtime must 
 class Runtime {
  public:
   // An empty path searches: $ENDOSDK_ORT_LIBRARY, beside this library, the active Python environment, the system.
-  static std::shared_ptr<const Runtime> open(const std::string& path, const Log& log);
+  // A hash that is expected must be that of the file at the path, and is checked before anything of it runs.
+  static std::shared_ptr<const Runtime> open(const std::string& path, const std::string& expected, const Log& log);
 
   ~Runtime();
   Runtime(const Runtime&) = delete;
@@ -28,6 +29,7 @@ class Runtime {
   const OrtApi& api() const { return *api_; }
   const std::string& version() const { return version_; }
   const std::string& path() const { return path_; }
+  const std::string& sha256() const { return sha256_; }  // of the file
 
   // Whether the host opened the library, with its telemetry on, before we could switch that off.
   bool telemetry_on() const { return telemetry_on_; }
@@ -50,6 +52,7 @@ class Runtime {
   void* library_;
   std::string path_;
   std::string version_;
+  std::string sha256_;
   const OrtApi* api_ = nullptr;
   bool telemetry_on_ = false;
 };

@@ -11,7 +11,8 @@ namespace {
 struct Node {
   std::string name;
   ONNXTensorElementDataType type = ONNX_TENSOR_ELEMENT_DATA_TYPE_UNDEFINED;
-  std::vector<int64_t> shape;  // -1 where the model leaves a side open
+  std::vector<int64_t> shape;      // -1 where the model leaves a side open
+  std::vector<std::string> names;  // of the open sides; empty elsewhere
 };
 
 class Reader {
@@ -61,6 +62,9 @@ class Reader {
     check(api().GetDimensionsCount(tensor, &rank));
     node.shape.resize(rank);
     check(api().GetDimensions(tensor, node.shape.data(), rank));
+    std::vector<const char*> names(rank);
+    check(api().GetSymbolicDimensions(tensor, names.data(), rank));
+    node.names.assign(names.begin(), names.end());
   }
 
   const Runtime& runtime_;
@@ -100,6 +104,17 @@ void check_interface(const Runtime& runtime, const OrtSession* session) {
     const bool fits = node.type == ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT && node.shape.size() == 4;
     require(fits, ENDO_MODEL_METADATA, node.name, "must be float32 [N, 1, H/s, W/s]", describe(node));
   }
+}
+
+OpenSides open_sides(const Runtime& runtime, const OrtSession* session, Size input) {
+  const int64_t lengths[] = {1, 3, input.height, input.width};
+  OpenSides sides;
+  for (const Node& node : Reader(runtime, session).inputs()) {
+    for (size_t i = 0; i < node.names.size(); ++i) {
+      if (!node.names[i].empty()) sides.emplace_back(node.names[i], lengths[i]);
+    }
+  }
+  return sides;
 }
 
 }  // namespace endosdk

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
-#include <limits>
 
+#include "maps/reasons.hpp"
 #include "platform/errors.hpp"
 #include "platform/threads.hpp"
 
@@ -24,23 +23,18 @@ void write_steps(const float* values, const uint8_t* reasons, int begin, int end
 
 // Where a map lies.
 struct Memory {
-  template <typename Value>
-  Memory(const char* name_of_map, const Value* data, bool needs_calibration = false)
-      : name(name_of_map), begin(reinterpret_cast<uintptr_t>(data)), bytes_per_pixel(sizeof(Value)), metric(needs_calibration) {}
-
   uintptr_t end(uint64_t pixels) const { return begin + pixels * bytes_per_pixel; }
 
   const char* name;
   uintptr_t begin;  // 0: not wanted
   uintptr_t bytes_per_pixel;
-  bool metric;
 };
 
-std::array<Memory, 7> memory_of(const MapsOut& maps) {
-  return {Memory("disparity", maps.disparity),         Memory("confidence", maps.confidence),
-          Memory("reasons", maps.reasons),             Memory("disparity_u16", maps.disparity_u16),
-          Memory("depth", maps.depth, true),           Memory("sigma", maps.sigma, true),
-          Memory("depth_u16", maps.depth_u16, true)};
+auto memory_of(const MapsOut& maps) {
+  const auto memory = [&](const auto& field) {
+    return Memory{field.name, reinterpret_cast<uintptr_t>(maps.*field.memory), sizeof *(maps.*field.memory)};
+  };
+  return std::apply([&](const auto&... field) { return std::array{memory(field)...}; }, map_fields);
 }
 
 }  // namespace
@@ -61,10 +55,11 @@ void check_memory(const MapsOut& maps, uint64_t pixels) {
 }
 
 void check_maps(const MapsOut& maps, Size size, bool calibrated) {
-  for (const Memory& map : memory_of(maps)) {
-    const bool wanted = map.begin != 0;
-    require(calibrated || !map.metric || !wanted, ENDO_CALIBRATION_REQUIRED, map.name, calibration_rule, "no calibration");
-  }
+  for_each_map([&](const auto& field) {
+    const bool wanted = maps.*field.memory != nullptr;
+    require(calibrated || !field.metric || !wanted, ENDO_CALIBRATION_REQUIRED, field.name, calibration_rule,
+            "no calibration");
+  });
   check_memory(maps, static_cast<uint64_t>(size.width) * static_cast<uint64_t>(size.height));
 }
 
@@ -89,16 +84,18 @@ void write_u16(const MapsOut& maps, size_t pixels, double depth_unit_mm) {
   parallel_for(static_cast<int>(pixels), pixels_per_block, convert);
 }
 
+void withdraw_answer(const MapsOut& maps, size_t pixels) {
+  for (float* map : {maps.depth, maps.sigma}) {
+    if (map != nullptr) std::fill_n(map, pixels, no_number);
+  }
+  std::fill_n(maps.confidence, pixels, 0.0f);
+  for (size_t i = 0; i < pixels; ++i) maps.reasons[i] |= ENDO_REASON_LOW_CONFIDENCE;
+}
+
 void write_no_answer(const MapsOut& maps, size_t pixels) {
-  const float nothing = std::numeric_limits<float>::quiet_NaN();
-  for (float* map : {maps.disparity, maps.depth, maps.sigma}) {
-    if (map != nullptr) std::fill_n(map, pixels, nothing);
-  }
-  if (maps.confidence != nullptr) std::fill_n(maps.confidence, pixels, 0.0f);
-  if (maps.reasons != nullptr) std::memset(maps.reasons, ENDO_REASON_LOW_CONFIDENCE, pixels);
-  for (uint16_t* map : {maps.disparity_u16, maps.depth_u16}) {
-    if (map != nullptr) std::fill_n(map, pixels, uint16_t{0});
-  }
+  for_each_map([&](const auto& field) {
+    if (maps.*field.memory != nullptr) std::fill_n(maps.*field.memory, pixels, field.no_answer);
+  });
 }
 
 }  // namespace endosdk

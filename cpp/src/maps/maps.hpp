@@ -3,14 +3,16 @@
 
 #include <endosdk/endosdk.h>
 
+#include <cstdint>
+#include <limits>
+#include <tuple>
 #include <vector>
 
-#include "images/resize.hpp"
 #include "images/size.hpp"
 
 namespace endosdk {
 
-// What a metric output without a calibration is told, in both faces.
+// What a metric output without a calibration is refused with, in both faces.
 constexpr const char* calibration_rule = "needs a calibration (Python: calibration=rig; C: endo_set_calibration)";
 
 // Where one frame's maps go; each pointer may be null where the caller does not want that map.
@@ -22,8 +24,36 @@ struct MapsOut {
   uint8_t* reasons = nullptr;
   uint16_t* disparity_u16 = nullptr;
   uint16_t* depth_u16 = nullptr;
-
 };
+
+// What is known of one map, whoever writes or reads it.
+template <typename Type>
+struct MapField {
+  using Value = Type;
+  const char* name;
+  Type* MapsOut::*memory;
+  Type no_answer;  // of a pixel that has none
+  bool metric;     // needs a calibration
+};
+
+constexpr float no_number = std::numeric_limits<float>::quiet_NaN();
+
+// Every map, once. Python's Maps holds the first of them, in this order.
+constexpr std::tuple map_fields = {
+    MapField<float>{"disparity", &MapsOut::disparity, no_number, false},
+    MapField<float>{"confidence", &MapsOut::confidence, 0.0f, false},
+    MapField<uint8_t>{"reasons", &MapsOut::reasons, ENDO_REASON_LOW_CONFIDENCE, false},
+    MapField<float>{"depth", &MapsOut::depth, no_number, true},
+    MapField<float>{"sigma", &MapsOut::sigma, no_number, true},
+    MapField<uint16_t>{"disparity_u16", &MapsOut::disparity_u16, 0, false},
+    MapField<uint16_t>{"depth_u16", &MapsOut::depth_u16, 0, true},
+};
+
+// Calls visit(field) for each of them.
+template <typename Visit>
+void for_each_map(Visit visit) {
+  std::apply([&](const auto&... field) { (visit(field), ...); }, map_fields);
+}
 
 // Refuses maps that lie in each other, or askew, in memory: nothing may be written to such.
 void check_memory(const MapsOut& maps, uint64_t pixels);
@@ -48,6 +78,9 @@ class SpareMaps {
 
 // Writes the 16-bit maps from the others: disparity in steps of 1/256 px, depth in steps of depth_unit_mm.
 void write_u16(const MapsOut& maps, size_t pixels, double depth_unit_mm);
+
+// Takes back what was found for a frame that must not be used: no pixel is valid, and the reasons that were found stay.
+void withdraw_answer(const MapsOut& maps, size_t pixels);
 
 // Makes every pixel read as one without an answer, so that a failed frame cannot be taken for the one before.
 void write_no_answer(const MapsOut& maps, size_t pixels);

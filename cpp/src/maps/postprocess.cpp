@@ -1,5 +1,6 @@
 #include "maps/postprocess.hpp"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -8,6 +9,7 @@
 
 #include "platform/errors.hpp"
 #include "kernels/kernels.hpp"
+#include "maps/rig_sigma.hpp"
 #include "images/size.hpp"
 #include "platform/threads.hpp"
 
@@ -31,25 +33,25 @@ void check_geometry(const DepthGeometry& g, bool wanted) {
 }
 
 // The part of the views that is no padding.
-Size picture_of(const PostprocessInput& in, const PostprocessOutput& out) {
+Size picture_of(const PostprocessInput& in) {
   const auto length = [](int size, double scale) { return static_cast<int>(std::ceil(size * scale - 1e-6)); };
-  return {length(out.disparity.width, in.view_scale.x), length(out.disparity.height, in.view_scale.y)};
+  return {length(in.size.width, in.view_scale.x), length(in.size.height, in.view_scale.y)};
 }
 
-void check(const PostprocessInput& in, const PostprocessOutput& out) {
+void check(const PostprocessInput& in, const MapsOut& out) {
   check_grid(in.disparity, "disparity");
   check_grid(in.confidence, "confidence");
   require(in.disparity.width == in.confidence.width && in.disparity.height == in.confidence.height, "confidence",
           "must have the size of disparity",
           Text(in.confidence.width, "x", in.confidence.height));
   check_scale(in.scale, in.gain);
-  check_grid({out.disparity.data, out.disparity.width, out.disparity.height}, "out_disparity");
+  check_grid({out.disparity, in.size.width, in.size.height}, "out_disparity");
   require(std::isfinite(in.min_confidence), "min_confidence", "must be finite", in.min_confidence);
   require(std::isfinite(in.max_candidate_disparity) && in.max_candidate_disparity >= 0.0, "max_candidate_disparity", "must be finite and not negative",
           in.max_candidate_disparity);
   check_scale(in.view_scale, in.gain);
   require(std::isfinite(in.right_shift), "right_shift", "must be finite", in.right_shift);
-  const Size picture = picture_of(in, out);
+  const Size picture = picture_of(in);
   if (in.left.data != nullptr) check_planar(in.left, picture.width, picture.height, "image");
   if (in.right.data != nullptr) {
     const bool alike = in.left.data != nullptr && in.right.width == in.left.width && in.right.height == in.left.height;
@@ -66,26 +68,28 @@ DepthLimits limits_of(const PostprocessInput& in) {
                              ? static_cast<float>((in.max_candidate_disparity - range_margin) * static_cast<double>(in.gain))
                              : std::numeric_limits<float>::infinity();
   limits.metric = g.focal_px > 0.0;
+  // Infinity lies at disparity -doffs, but the network finds nothing below 0.
+  const double infinity = limits.metric ? std::max(0.0, in.right_shift - g.doffs) : 0.0;
+  limits.disparity_begin = static_cast<float>(range_margin * static_cast<double>(in.gain) + infinity);
   if (limits.metric) {
     limits.focal_baseline = static_cast<float>(g.focal_px * g.baseline_mm);
     limits.doffs = static_cast<float>(g.doffs - in.right_shift);
     limits.min_depth = static_cast<float>(g.min_depth_mm);
     limits.max_depth = static_cast<float>(g.max_depth_mm);
-    // A Laplace law of scale b has standard deviation sqrt(2) b; b = gain / -log(1 - confidence) in frame pixels.
-    limits.sigma_factor = static_cast<float>(std::sqrt(2.0) * static_cast<double>(in.gain) / (g.focal_px * g.baseline_mm));
+    // Scale of the Laplace law, gain / -log(1 - confidence) in frame pixels, which is its mean error. Its standard deviation
+    // would be sqrt(2) times that: too much for real errors, which the law's tails overstate.
+    limits.sigma_factor = static_cast<float>(static_cast<double>(in.gain) / (g.focal_px * g.baseline_mm));
   }
   return limits;
 }
 
-DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y,
-                const uint8_t* brightness) {
-  const int64_t offset = static_cast<int64_t>(y) * out.disparity.width;
+DepthRow row_of(const PostprocessInput& in, const MapsOut& out, int y) {
+  const int64_t offset = static_cast<int64_t>(y) * in.size.width;
   DepthRow row{};
-  row.disparity = out.disparity.row(y);
-  row.confidence = out.confidence.row(y);
+  row.disparity = out.disparity + offset;
+  row.confidence = out.confidence + offset;
   row.reasons = out.reasons + offset;
-  row.width = out.disparity.width;
-  row.brightness = brightness;
+  row.width = in.size.width;
   if (in.valid_left != nullptr) row.valid_left = in.valid_left + offset;
   if (in.valid_right != nullptr) row.valid_right = in.valid_right + offset;
   if (out.depth != nullptr) row.depth = out.depth + offset;
@@ -95,13 +99,13 @@ DepthRow row_of(const PostprocessInput& in, const PostprocessOutput& out, int y,
 
 }  // namespace
 
-int postprocess(const PostprocessInput& input, const PostprocessOutput& output) {
+int postprocess(const PostprocessInput& input, const MapsOut& maps) {
   thread_local PostprocessScratch scratch;
-  return postprocess(input, output, scratch);
+  return postprocess(input, maps, scratch);
 }
 
-int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch) {
-  check(input, output);
+int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch) {
+  check(input, maps);
   const bool has_view = input.left.data != nullptr;
   FloatView disparity = input.disparity;
   Scale disparity_scale = input.scale;
@@ -109,7 +113,7 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
     disparity = scratch.upsampling.upsampled(input.disparity, input.confidence, input.left, input.upsampling);
     disparity_scale = input.view_scale;
   }
-  const int width = output.disparity.width;
+  const int width = input.size.width;
   RowResizer& disparities = scratch.disparity;
   RowResizer& confidences = scratch.confidence;
   disparities.prepare(disparity.width, disparity.height, width, disparity_scale);
@@ -120,26 +124,45 @@ int postprocess(const PostprocessInput& input, const PostprocessOutput& output, 
   FloatView confidence = input.confidence;
   if (input.right.data != nullptr) {
     const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
-    confidence = scratch.consistency.supported(input.disparity, confidence, input.left, input.right,
-                                             picture_of(input, output), cells, input.same_frames);
+    scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells);
+    scratch.measures.measure(scratch.views, picture_of(input).width);
+    if (input.pattern.focal_x > 0.0) {
+      scratch.rows.measure(scratch.views, input.confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);
+    }
+    confidence = scratch.consistency.supported(confidence, scratch.views, cells);
+  }
+  FieldRows& fields = scratch.fields;
+  const bool has_fields = input.right.data != nullptr && scratch.views.size().width > 0;
+  if (has_fields) {
+    const double cell = 2.0 * scratch.views.unit();
+    fields.prepare(scratch.views.left_field(), scratch.views.right_field(), width, {input.view_scale.y / cell, input.view_scale.x / cell});
   }
   const DepthLimits limits = limits_of(input);
+  const RigSigma rig_sigma(input.right.data != nullptr ? scratch.rows.latest() : PoseError(), input.pattern,
+                           static_cast<double>(limits.focal_baseline));
   const float shift = static_cast<float>(input.right_shift);
   std::atomic<int> usable{0};
   const auto process_rows = [&](int begin, int end, int worker) {
     int count = 0;
     for (int y = begin; y < end; ++y) {
-      disparities.row(disparity, y, input.gain, worker, output.disparity.row(y));
-      confidences.row(confidence, y, 1.0f, worker, output.confidence.row(y));
-      const uint8_t* brightness = has_view ? views.row(input.left, y, worker) : nullptr;
-      count += kernels().depth_row(row_of(input, output, y, brightness), limits);
+      DepthRow row = row_of(input, maps, y);
+      if (has_view) row.brightness = views.row(input.left, y, worker);
+      if (has_fields) {
+        row.inside_left = fields.left(y, worker);
+        row.valid_right = fields.right(y, worker, row.valid_right);
+      }
+      float* const disparity_row = maps.disparity + static_cast<int64_t>(y) * width;
+      disparities.row(disparity, y, input.gain, worker, disparity_row);
+      confidences.row(confidence, y, 1.0f, worker, maps.confidence + static_cast<int64_t>(y) * width);
+      count += kernels().depth_row(row, limits);
+      if (row.sigma != nullptr) rig_sigma.add(row.depth, y, width, row.sigma);
       if (shift != 0.0f) {
-        for (int x = 0; x < width; ++x) output.disparity.row(y)[x] -= shift;
+        for (int x = 0; x < width; ++x) disparity_row[x] -= shift;
       }
     }
     usable += count;
   };
-  parallel_for(output.disparity.height, rows_per_block, process_rows, workers);
+  parallel_for(input.size.height, rows_per_block, process_rows, workers);
   return usable;
 }
 

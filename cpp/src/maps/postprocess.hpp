@@ -4,8 +4,12 @@
 #include <cstdint>
 
 #include "maps/photometric_consistency.hpp"
+#include "maps/field_rows.hpp"
 #include "maps/glare_rows.hpp"
 #include "maps/joint_bilateral.hpp"
+#include "maps/maps.hpp"
+#include "maps/row_disparity.hpp"
+#include "maps/view_measures.hpp"
 #include "images/image.hpp"
 #include "images/resize.hpp"
 
@@ -20,11 +24,13 @@ struct DepthGeometry {
   double max_depth_mm = 0.0;  // may be infinite
 };
 
-// Surfaces beyond the largest candidate disparity come out at it or a little short of it, with high confidence. Answers this close to
-// it, in network pixels, cannot be told from theirs and count as out of range.
+// Answers this close to an end of the network's range, in network pixels, count as out of range. Surfaces beyond the
+// largest candidate disparity come out at it or a little short of it, with high confidence. Near 0, an error of the margin
+// is as large as the disparity itself: the depth could as well be infinite.
 constexpr double range_margin = 0.5;
 
 struct PostprocessInput {
+  Size size;             // of the maps that come out
   FloatView disparity;   // network pixels
   FloatView confidence;  // probability that the network's error is at most one of its pixels
   Scale scale;
@@ -33,22 +39,13 @@ struct PostprocessInput {
   double max_candidate_disparity = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
   PlanarView left;  // as the network saw it, for saturation and to guide the upsampling; no data: neither
   PlanarView right;  // of the same size; no data: photometric consistency is not tested
-  bool same_frames = false;  // as the cameras gave them, see same_pixels(): then no answer is to be trusted
   Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
   double right_shift = 0.0;  // frame pixels by which the right view was moved to the left before the network saw it
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;
   Upsampling upsampling;
   DepthGeometry geometry;
-};
-
-// Caller-owned maps of one size. Depth and sigma may be null; both need a geometry.
-struct PostprocessOutput {
-  MutableFloatView disparity;
-  MutableFloatView confidence;
-  uint8_t* reasons = nullptr;
-  float* depth = nullptr;
-  float* sigma = nullptr;
+  PosePattern pattern;  // of the output's pixels; without a focal length nothing is measured across the rows
 };
 
 // Tables and scratch rows, kept between frames so that a frame allocates nothing.
@@ -57,18 +54,24 @@ struct PostprocessScratch {
   RowResizer confidence;
   JointBilateralUpsampling upsampling;
   GlareRows glare;
+  FieldRows fields;
+  MatchedViews views;
   PhotometricConsistency consistency;
+  RowDisparity rows;
+  ViewMeasures measures;
 };
 
 // Where the left view has a whole number of pixels, two or more, per cell of the disparity, the disparity comes to the
 // view's grid by joint bilateral upsampling, and from there to the output, like the confidence from its own grid, by bilinear resizing.
 // Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
 // right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
-// (mm) is depth^2 / (focal * baseline) times the standard deviation of a Laplace law whose probability of an error up to
-// one network pixel is the confidence. Both are NaN where a pixel has a reason.
-int postprocess(const PostprocessInput& input, const PostprocessOutput& output, PostprocessScratch& scratch);
+// (mm) is depth^2 / (focal * baseline) times the scale of a Laplace law whose probability of an error up to
+// one network pixel is the confidence, and to it comes what a rig that moved does to the disparity. Both are NaN where a
+// pixel has a reason; both need a geometry and may be null.
+// The 16-bit maps are written by write_u16().
+int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch);
 
 // The same with scratch memory of the calling thread.
-int postprocess(const PostprocessInput& input, const PostprocessOutput& output);
+int postprocess(const PostprocessInput& input, const MapsOut& maps);
 
 }  // namespace endosdk

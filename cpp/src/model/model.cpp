@@ -1,22 +1,16 @@
 #include "model/model.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
-#include <cstdio>
-#include <cstring>
-#include <memory>
 #include <sstream>
 #include <string_view>
 
 #include "platform/json.hpp"
+#include "model/seal.hpp"
 #include "model/weights.hpp"
 #include "platform/sha256.hpp"
 #include "platform/errors.hpp"
+#include "platform/system.hpp"
 
 namespace endosdk {
 namespace {
@@ -31,20 +25,12 @@ const std::string prefix = "endosdk.";
 
 std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
-void check_hash(ModelFile& model, const std::string& expected) {
-  model.sha256 = sha256(model.data.data(), model.data.size());
-  if (expected.empty()) return;
-  std::string wanted = expected;
-  for (char& c : wanted) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
-  const bool well_formed = wanted.size() == 64 && wanted.find_first_not_of("0123456789abcdef") == std::string::npos;
-  require(well_formed, ENDO_INVALID_ARGUMENT, "model_sha256", "must be 64 hexadecimal digits", in_quotes(expected));
-  require(wanted == model.sha256, ENDO_MODEL_HASH_MISMATCH, "model", model.origin + " must have SHA-256 " + wanted,
-          model.sha256);
-}
-
 void check_content(ModelFile& model, const std::string& expected) {
-  check_hash(model, expected);
-  check_weights_are_inside({model.data.data(), model.data.size()}, model.origin);
+  model.sha256 = sha256(model.data.data(), model.data.size());
+  check_sha256(model.sha256, expected, ENDO_MODEL_HASH_MISMATCH, "model", model.origin);
+  const std::string_view bytes = {model.data.data(), model.data.size()};
+  model.is_sealed = check_seal(bytes, model.origin);
+  check_weights_are_inside(bytes, model.origin);
 }
 
 std::string required(const MetadataLookup& lookup, const std::string& key) {
@@ -109,24 +95,13 @@ std::string text_of(const Upsampling& u) {
 }
 
 ModelFile read_model(const std::string& path, const std::string& expected) {
-  const auto missing = [&](const char* reason) {
-    fail(ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read", in_quotes(path) + ": " + reason);
-  };
-  // Opening a pipe would otherwise wait for somebody who writes to it.
-  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  const std::unique_ptr<FILE, int (*)(FILE*)> file(descriptor < 0 ? nullptr : fdopen(descriptor, "rb"), std::fclose);
-  if (!file) {
-    const int error = errno;
-    if (descriptor >= 0) close(descriptor);
-    missing(std::strerror(error));
-  }
-  struct stat status{};
-  if (fstat(descriptor, &status) != 0) missing(std::strerror(errno));
-  if (!S_ISREG(status.st_mode)) missing("no regular file");
+  std::string why;
+  std::optional<std::vector<char>> bytes = system::read_file(path, why);
+  require(bytes.has_value(), ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read",
+          in_quotes(path) + ": " + why);
   ModelFile model;
   model.origin = path;
-  model.data.resize(static_cast<size_t>(status.st_size));
-  if (std::fread(model.data.data(), 1, model.data.size(), file.get()) != model.data.size()) missing(std::strerror(EIO));
+  model.data = std::move(*bytes);
   check_content(model, expected);
   return model;
 }

@@ -14,6 +14,7 @@ struct ModelFile {
   std::vector<char> data;
   std::string origin;
   std::string sha256;
+  bool is_sealed = false;  // damage to its bytes would have been noticed
 };
 
 // As the metadata of a model states it.

@@ -27,10 +27,20 @@ std::string full_provider_name(std::string_view name) {
   return known != nullptr ? known->full_name : std::string(name);
 }
 
+std::string call_name_of_provider(std::string_view name) {
+  const Provider* known = find(name);
+  return known != nullptr ? known->call_name : std::string(name);
+}
+
 bool wants_float32_model(std::string_view provider) {
   const Provider* known = find(provider);
   if (known == nullptr) return true;  // an accelerator, of which nothing is known
   return known->wants_float32_models || !has_integer_units();
+}
+
+bool shares_processor(std::string_view provider) {
+  const Provider* known = find(provider);
+  return known != nullptr && known->shares_processor;
 }
 
 }  // namespace endosdk

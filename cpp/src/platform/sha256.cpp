@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "platform/errors.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -91,6 +93,16 @@ std::string sha256(const void* data, size_t size) {
     for (int shift = 28; shift >= 0; shift -= 4) digest += "0123456789abcdef"[word >> shift & 15];
   }
   return digest;
+}
+
+void check_sha256(const std::string& seen, const std::string& expected, endo_status mismatch, const std::string& argument,
+                  const std::string& origin) {
+  if (expected.empty()) return;
+  std::string wanted = expected;
+  for (char& c : wanted) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
+  const bool well_formed = wanted.size() == 64 && wanted.find_first_not_of("0123456789abcdef") == std::string::npos;
+  require(well_formed, argument + "_sha256", "must be 64 hexadecimal digits", "'" + expected + "'");
+  require(wanted == seen, mismatch, argument, origin + " must have SHA-256 " + wanted, seen);
 }
 
 }  // namespace endosdk

@@ -1,8 +1,5 @@
 #include "platform/threads.hpp"
 
-#include <pthread.h>
-#include <sched.h>
-
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
@@ -12,6 +9,7 @@
 #include <vector>
 
 #include "platform/errors.hpp"
+#include "platform/system.hpp"
 
 namespace endosdk {
 namespace {
@@ -117,7 +115,7 @@ Pool& pool() {
   const std::lock_guard lock(pool_mutex);
   if (pool_instance == nullptr) {
     pool_instance = new Pool();
-    pthread_atfork(before_fork, after_fork_parent, after_fork_child);
+    system::on_fork(before_fork, after_fork_parent, after_fork_child);
   }
   return *pool_instance;
 }
@@ -126,12 +124,7 @@ Pool& pool() {
 
 int default_thread_count() {
   constexpr int plenty = 8;  // beyond this the kernels wait for memory
-  cpu_set_t cores;
-  CPU_ZERO(&cores);
-  const int available = sched_getaffinity(0, sizeof(cores), &cores) == 0
-                            ? CPU_COUNT(&cores)
-                            : static_cast<int>(std::thread::hardware_concurrency());
-  return std::clamp(available, 1, plenty);
+  return std::clamp(system::usable_cores(), 1, plenty);
 }
 
 void reserve_threads(int count) {

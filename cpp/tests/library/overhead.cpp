@@ -24,8 +24,8 @@ class Bare {
  public:
   Bare(const Places& at, const endo_calibration& numbers, Size frame, int threads)
       : rig_(numbers),
-        session_(Runtime::open(at.runtime, {}), std::make_shared<const ModelFile>(read_model(at.model, "")),
-                 {"cpu", threads, true}, {}),
+        session_(Runtime::open(at.runtime, "", {}), std::make_shared<const ModelFile>(read_model(at.model, "")),
+                 {"cpu", {}, threads, true}, {}),
         picture_(network_size_of(frame, session_.model().inference_width)),
         rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_), Border::fading)),
         full_(rig_.rectifier(rig_.geometry(), Border::fading)),
@@ -42,6 +42,7 @@ class Bare {
     const MutableFloatView disparity = buffers_.disparity();
     const MutableFloatView confidence = buffers_.confidence();
     PostprocessInput in;
+    in.size = {pair.width, pair.height};
     in.disparity = {disparity.data, disparity.width, disparity.height};
     in.confidence = {confidence.data, confidence.width, confidence.height};
     in.view_scale = {static_cast<double>(picture_.height) / pair.height, static_cast<double>(picture_.width) / pair.width};
@@ -54,11 +55,13 @@ class Bare {
     in.valid_left = full_.valid_left().data();
     in.valid_right = full_.valid_right().data();
     in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), 0.0, std::numeric_limits<double>::infinity()};
-    postprocess(in, {{out.disparity.data(), pair.width, pair.height},
-                     {out.confidence.data(), pair.width, pair.height},
-                     out.reasons.data(),
-                     out.depth.data(),
-                     out.sigma.data()});
+    MapsOut maps;
+    maps.disparity = out.disparity.data();
+    maps.confidence = out.confidence.data();
+    maps.depth = out.depth.data();
+    maps.sigma = out.sigma.data();
+    maps.reasons = out.reasons.data();
+    postprocess(in, maps);
   }
 
  private:

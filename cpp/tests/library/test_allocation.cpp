@@ -146,8 +146,8 @@ int survive_every_failure(const char* what, const Call& call) {
       return n;
     }
     // A failed look for a file or a library may be reported as such; nothing else may come of it, but success.
-    const bool told = status == ENDO_OUT_OF_MEMORY || status == ENDO_RUNTIME_MISSING || status == ENDO_MODEL_NOT_FOUND;
-    if (!told && status != ENDO_OK) {
+    const bool typed = status == ENDO_OUT_OF_MEMORY || status == ENDO_RUNTIME_MISSING || status == ENDO_MODEL_NOT_FOUND;
+    if (!typed && status != ENDO_OK) {
       std::fprintf(stderr, "%s, allocation %d: %s\n", what, n, endo_last_error());
       std::exit(1);
     }

@@ -1,7 +1,9 @@
 // Frames in flight, and calls that meet: order, equality with single frames, cancel, close, and reports beside work.
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <thread>
 
 #include "frame.hpp"
@@ -34,7 +36,10 @@ endo_options with_threads(const Places& at, int threads) {
 
 std::vector<Pair> some_pairs(int count) {
   std::vector<Pair> pairs;
-  for (int i = 0; i < count; ++i) pairs.emplace_back(width, height, 3 + i);
+  for (int i = 0; i < count; ++i) {
+    Pair& pair = pairs.emplace_back(width, height, 3 + i);
+    pair.left[0] = static_cast<uint8_t>(i);  // a view that never changes would be a frozen one
+  }
   return pairs;
 }
 
@@ -178,12 +183,15 @@ void reports_do_not_wait_for_frames(const Places& at) {
 void late_counts_the_wait_for_others(const Places& at) {
   const Pair pair(1280, 960, 9);
   const auto stages_ms = [](const endo_result& r) { return r.rectify_ms + r.session_ms + r.postprocess_ms; };
-  double one_ms = 0.0;
+  // The fastest of several: one that others disturbed would give a deadline that no wait exceeds.
+  double one_ms = std::numeric_limits<double>::infinity();
   {
     const Opened estimator(at);
     Output out(1280 * 960);
-    for (int i = 0; i < 2; ++i) CHECK(estimator.predict(pair, out) == ENDO_OK);
-    one_ms = stages_ms(out.result);
+    for (int i = 0; i < 8; ++i) {
+      CHECK(estimator.predict(pair, out) == ENDO_OK);
+      one_ms = std::min(one_ms, stages_ms(out.result));
+    }
   }
   endo_options options = default_options(at);
   options.deadline_ms = 2.5 * one_ms;

@@ -1,23 +1,36 @@
-"""Calibrate a stereo rig from pictures of a chessboard, with OpenCV."""
+"""Calibrate a stereo rig from pairs that show a board, with OpenCV; views that do not fit are refused one by one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
+from endosdk.calibration.boards import Board, BoardView, Picture, same_order
+from endosdk.calibration.parameter_errors import ParameterErrors, parameter_errors
+from endosdk.calibration.rectified_points import rectify_points, row_correlation
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
+
+__all__ = [
+    "BoardCalibration",
+    "calibrate_board",
+    "calibrate_views",
+    "find_corners",
+    "rectify_points",
+    "row_correlation",
+    "same_order",
+]
 
 Points = npt.NDArray[np.float64]
 
 # Three poses are the least that fix focal length and principal point; with fewer the solution is arbitrary.
 MIN_PAIRS = 3
-MIN_CORNERS = 3  # along each side, the least that OpenCV's detector takes
 STEPS, CHANGE = 100, 1e-7
+# A view is refused whose error is so many times that of the view in the middle, and at least so many px.
+OUTLYING, LEAST_OUTLYING_PX = 3.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -25,97 +38,97 @@ class BoardCalibration:
     """A rig and how well it explains its board pictures, in px.
 
     ``reprojection_px`` is the root mean square over all corners of both views; the row figures are the median and 95th
-    percentile of the rows by which matching corners differ after rectification.
+    percentile of the rows by which matching corners differ after rectification. ``view_px`` holds the error of each
+    view that was used, ``refused`` why others were not. ``errors`` says how well the numbers are known.
     """
 
     calibration: StereoCalibration
     reprojection_px: float
     row_median_px: float
     row_p95_px: float
+    views: tuple[BoardView, ...] = ()
+    view_px: dict[str, float] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    errors: ParameterErrors | None = None
 
 
-def find_corners(picture: npt.NDArray[np.uint8], pattern: tuple[int, int]) -> Points | None:
+@dataclass(frozen=True)
+class _Fit:
+    calibration: StereoCalibration
+    error: float
+    view_errors: list[float]
+    poses: list[tuple[Points, Points]]
+
+
+def find_corners(picture: Picture, pattern: tuple[int, int]) -> Points | None:
     """Return the inner corners [N,2] of a board with (columns, rows) of them, or None. Takes seconds at 1920x1080."""
-    import cv2
-
-    if min(pattern) < MIN_CORNERS:
-        raise InvalidArgument("pattern", f"must be at least {MIN_CORNERS} x {MIN_CORNERS} inner corners", pattern)
-    gray = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    found, corners = cv2.findChessboardCornersSB(gray, pattern, flags=cv2.CALIB_CB_ACCURACY)
-    return np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else None
-
-
-def same_order(left: Points, right: Points) -> Points:
-    """Return the right corners in the order of the left ones.
-
-    A board with an even number of corner rows and columns looks the same upside down, so the detector may start at the
-    opposite corner in one view. The views of a stereo rig are never turned against each other, which decides it.
-    """
-    aligned = np.dot(left[-1] - left[0], right[-1] - right[0]) > 0
-    return right if aligned else right[::-1].copy()
+    found = Board(pattern, 1.0).find(picture)
+    return np.array(list(found.values())) if found else None
 
 
 def calibrate_board(
     left: Sequence[Points], right: Sequence[Points], pattern: tuple[int, int], square_mm: float, size: tuple[int, int]
 ) -> BoardCalibration:
-    """Calibrate from matching corners [N,2] of each pair, for pictures of ``size`` (width, height).
+    """Calibrate from matching corners [N,2] of each pair that shows a whole chessboard; no view is refused."""
+    if len(left) != len(right):
+        raise InvalidArgument("pairs", "must each have both views", (len(left), len(right)))
+    board = Board(pattern, square_mm).points()
+    views = [BoardView(str(i), board, a, b) for i, (a, b) in enumerate(zip(left, right, strict=True))]
+    return calibrate_views(views, size, refuse=False)
+
+
+def calibrate_views(views: Sequence[BoardView], size: tuple[int, int], *, refuse: bool = True) -> BoardCalibration:
+    """Calibrate from views of a board in pictures of ``size`` (width, height).
+
+    With ``refuse``, the view that fits worst is left out, and the rest solved again, until none stands out.
+    """
+    used, refused = list(views), {}
+    while True:
+        fit = _solve(used, size)
+        worst = int(np.argmax(fit.view_errors))
+        limit = max(OUTLYING * float(np.median(fit.view_errors)), LEAST_OUTLYING_PX)
+        if not refuse or fit.view_errors[worst] <= limit or len(used) <= MIN_PAIRS:
+            break
+        why = f"does not fit the others: {fit.view_errors[worst]:.2f} px, at most {limit:.2f} px are usual"
+        refused[used.pop(worst).name] = why
+    median, p95 = row_correlation(fit.calibration, [view.left for view in used], [view.right for view in used])
+    return BoardCalibration(
+        fit.calibration,
+        fit.error,
+        median,
+        p95,
+        tuple(used),
+        {view.name: error for view, error in zip(used, fit.view_errors, strict=True)},
+        refused,
+        parameter_errors(fit.calibration, used, fit.poses),
+    )
+
+
+def _solve(views: Sequence[BoardView], size: tuple[int, int]) -> _Fit:
+    """Fit a rig to all views.
 
     Each camera alone gives the start; then both are refined together with the pose between them, which on a rig with a
     baseline of a few mm makes rows agree several times better than keeping the single cameras' numbers.
     """
     import cv2
 
-    if len(left) < MIN_PAIRS or len(left) != len(right):
-        raise InvalidArgument("pairs", f"must be at least {MIN_PAIRS}, each with both views", (len(left), len(right)))
-    if not square_mm > 0:
-        raise InvalidArgument("square_mm", "must be positive", square_mm)
-    board: list[Any] = [_board_points(pattern, square_mm)] * len(left)
-    a, b = ([corners.astype(np.float32).reshape(-1, 1, 2) for corners in side] for side in (left, right))
+    if len(views) < MIN_PAIRS:
+        raise InvalidArgument("pairs", f"must be at least {MIN_PAIRS} that show the board", len(views))
+    board, a, b = (
+        [np.asarray(getattr(view, part), np.float32)[:, None] for view in views] for part in ("board", "left", "right")
+    )
     # The sixth-order radial term is held at zero: from few poses it grows without making rows agree better.
     fixed = cv2.CALIB_FIX_K3
     _, k1, d1, *_ = cv2.calibrateCamera(board, a, size, None, None, flags=fixed)
     _, k2, d2, *_ = cv2.calibrateCamera(board, b, size, None, None, flags=fixed)
     together = fixed | cv2.CALIB_USE_INTRINSIC_GUESS
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, STEPS, CHANGE)
-    error, *solved = cv2.stereoCalibrate(board, a, b, k1, d1, k2, d2, size, flags=together, criteria=stop)
-    k1, d1, k2, d2, rotation, translation = (np.asarray(part, dtype=np.float64) for part in solved[:6])
-    calibration = StereoCalibration(*size, k1, k2, d1.ravel(), d2.ravel(), rotation, translation.ravel())
-    median, p95 = row_correlation(calibration, left, right)
-    return BoardCalibration(calibration, float(error), median, p95)
-
-
-def row_correlation(
-    calibration: StereoCalibration, left: Sequence[Points], right: Sequence[Points]
-) -> tuple[float, float]:
-    """Return median and 95th percentile in px of the rows by which matching points differ after rectification."""
-    pairs = [rectify_points(calibration, a, b) for a, b in zip(left, right, strict=True)]
-    rows = np.abs(np.concatenate([a[:, 1] - b[:, 1] for a, b in pairs]))
-    return float(np.median(rows)), float(np.percentile(rows, 95))
-
-
-def rectify_points(calibration: StereoCalibration, left: Points, right: Points) -> tuple[Points, Points]:
-    """Return raw pixels [N,2] of both views as pixels of the rectified pair."""
-    geometry = calibration.rectification()
-    c, g = calibration, geometry
-    return (
-        _undistort(c.model, left, c.left_matrix, c.left_distortion, g.R1, g.P1),
-        _undistort(c.model, right, c.right_matrix, c.right_distortion, g.R2, g.P2),
+    error, *solved = cv2.stereoCalibrateExtended(
+        board, a, b, k1, d1, k2, d2, size, np.eye(3), np.zeros(3), flags=together, criteria=stop
     )
-
-
-def _undistort(model: str, points: Points, matrix: Points, distortion: Points, turn: Points, view: Points) -> Points:
-    import cv2
-
-    # OpenCV wants writable arrays, and coefficients as a row even where there are none.
-    coefficients = (distortion if distortion.size else np.zeros(4)).reshape(1, -1).copy()
-    undistort = cv2.undistortPoints if model == "pinhole" else cv2.fisheye.undistortPoints
-    flat = undistort(points.reshape(-1, 1, 2), matrix.copy(), coefficients, R=turn.copy(), P=view[:, :3].copy())
-    return np.asarray(flat, dtype=np.float64).reshape(-1, 2)
-
-
-def _board_points(pattern: tuple[int, int], square_mm: float) -> npt.NDArray[np.float32]:
-    columns, rows = pattern
-    corners = np.zeros((rows * columns, 3), np.float32)
-    corners[:, 0] = np.tile(np.arange(columns), rows)
-    corners[:, 1] = np.repeat(np.arange(rows), columns)
-    return corners * np.float32(square_mm)
+    k1, d1, k2, d2, rotation, translation = (np.asarray(part, dtype=np.float64) for part in solved[:6])
+    turns, places, view_errors = solved[8:11]
+    calibration = StereoCalibration(*size, k1, k2, d1.ravel(), d2.ravel(), rotation, translation.ravel())
+    poses = [(np.asarray(turn), np.asarray(place)) for turn, place in zip(turns, places, strict=True)]
+    per_view = np.sqrt((np.asarray(view_errors) ** 2).mean(axis=1))
+    return _Fit(calibration, float(error), per_view.tolist(), poses)

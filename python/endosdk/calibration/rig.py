@@ -36,7 +36,7 @@ from endosdk.calibration.rules import (
 from endosdk.errors import CalibrationUnreadable, InvalidArgument, InvalidCalibration
 
 if TYPE_CHECKING:
-    from endosdk.calibration.files.raw import StatedRig
+    from endosdk.calibration.files.stated import StatedRig
 
 Matrix = npt.NDArray[np.float64]
 MODELS = get_args(CameraModel)
@@ -200,16 +200,20 @@ class StereoCalibration:
         """Copy and pickle through the constructor, because arrays come back from a pickle writable."""
         return type(self), tuple(getattr(self, part.name) for part in fields(self))
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path) -> list[Path]:
         """Write endosdk's own layout, YAML or JSON by the name's ending; what is read back is equal.
 
-        Raises `StorageFailed`.
+        A name that ends in ``.opencv.yaml``, ``.ros.yaml`` or ``.kalibr.yaml`` asks for the layout of that program; ROS
+        has two files. Returns the files written. Raises `StorageFailed`.
         """
-        from endosdk.calibration.files import native
+        from endosdk.calibration.files import exports, native
 
         if not isinstance(path, str | Path):
             raise InvalidArgument("path", "must be a file name", repr(path))
+        if exports.layout_of(Path(path)) is not None:
+            return exports.write(self, Path(path))
         native.write(self.content(), self.sha256, Path(path))
+        return [Path(path)]
 
     def scaled(self, width: int, height: int) -> Self:
         """Return the calibration of the same pictures resized to ``width`` x ``height``."""
@@ -224,6 +228,27 @@ class StereoCalibration:
         x, y, width, height = check_crop((x, y, width, height), (self.width, self.height))
         return self._with_cameras(
             width, height, _shift_centre(self.left_matrix, x, y), _shift_centre(self.right_matrix, x, y)
+        )
+
+    def turned(self, rotation_deg: Sequence[float]) -> Self:
+        """Return the calibration after the right camera turned about its own centre.
+
+        ``rotation_deg`` is a rotation vector about x, y and z of the rectified frame, degrees, as
+        `DepthResult.rig` states it.
+        """
+        vector = np.radians(finite_array("rotation_deg", rotation_deg, (3,)))
+        frame = self.rectification().R2
+        turn = frame.T @ _core.rotation_matrix(vector) @ frame
+        return type(self)(
+            self.width,
+            self.height,
+            self.left_matrix,
+            self.right_matrix,
+            self.left_distortion,
+            self.right_distortion,
+            turn @ self.rotation,
+            turn @ self.translation,
+            self.model,
         )
 
     def _with_cameras(self, width: int, height: int, left: Matrix, right: Matrix) -> Self:

@@ -14,8 +14,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     parser.add_argument("--size", metavar="WxH", default="960x720", help="size of the camera frames")
     add_session(parser, threads=2)
-    parser.add_argument("--frames", type=int, default=300, help="frames timed")
+    parser.add_argument("--frames", type=int, default=300, help="frames timed, at least 25 for each thread")
     parser.add_argument("--warmup", type=int, default=20, help="frames before the clock starts")
+    parser.add_argument("--load", type=int, default=0, help="other processes that burden the cores meanwhile")
     parser.add_argument(
         "--against", choices=["sgbm", "none"], default="sgbm", help="another method, timed in turns on the same frames"
     )
@@ -32,6 +33,7 @@ def run(args: argparse.Namespace) -> int:
         size=parse_size(args.size),
         frames=args.frames,
         warmup=args.warmup,
+        load=args.load,
         against=None if args.against == "none" else args.against,
         **session_options(args),
     )

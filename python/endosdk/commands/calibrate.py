@@ -1,24 +1,25 @@
-"""``endosdk calibrate``: turn a calibration of any layout, or pictures of a chessboard, into an endosdk rig file."""
+"""``endosdk calibrate``: rig files from other layouts or a chessboard, checked and corrected by frames of tissue."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endosdk.commands.options import parse_size
+from endosdk.commands.board_pictures import add_board, calibrate_pictures
+from endosdk.commands.options import add_model, known_depths, parse_size, report_nearest_depths
 from endosdk.commands.report import Report
+from endosdk.commands.sources import add_source, opened_source
 from endosdk.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from endosdk.calibration.board import Points
     from endosdk.calibration.rig import StereoCalibration
+    from endosdk.live.rig_check import RigCheck
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Add the two ways to a rig file."""
-    sources = parser.add_subparsers(dest="source", metavar="SOURCE", required=True)
+    """Add the ways to a rig file."""
+    sources = parser.add_subparsers(dest="way", metavar="WAY", required=True)
     convert = sources.add_parser("convert", help="read a calibration file, folder or (left, right) pair of files")
     convert.add_argument("path", type=Path, nargs="+", help="OpenCV, ROS pair, Kalibr, text folder, or endosdk JSON")
     convert.add_argument(
@@ -30,26 +31,80 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help="rig file to write, .json or .yaml (default: none, the summary is printed only)",
+        help="rig file to write: .json or .yaml; .opencv.yaml, .ros.yaml or .kalibr.yaml for other programs (default: "
+        "none, the summary is printed only)",
     )
-    board = sources.add_parser("board", help="calibrate from pictures of a chessboard")
-    board.add_argument("left", type=Path, help="folder of left pictures")
-    board.add_argument("right", type=Path, help="folder of right pictures; the numbers in the names make the pairs")
-    board.add_argument("--pattern", metavar="CxR", required=True, help="columns x rows of inner corners, such as 14x10")
-    board.add_argument("--square-mm", type=float, metavar="MM", required=True, help="side of one square in mm")
-    board.add_argument("--out", type=Path, metavar="FILE", required=True, help="rig file to write, .json or .yaml")
+    board = sources.add_parser("board", help="calibrate from pictures of a chessboard or a ChArUco board")
+    add_board(board)
+
+    check = sources.add_parser("check", help="tell from frames of tissue whether a rig still fits its file")
+    refine = sources.add_parser("refine", help="correct a rig file from frames of tissue")
+    for parser_of_frames in (check, refine):
+        parser_of_frames.add_argument("rig", type=Path, help="rig file")
+        add_source(parser_of_frames)
+        add_model(parser_of_frames)
+        parser_of_frames.add_argument("--frames", type=int, default=60, help="frames to look at, from the first on")
+    refine.add_argument("--out", type=Path, metavar="FILE", required=True, help="rig file to write, .json or .yaml")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the chosen way; print what was found and where it went."""
     report = Report(args)
-    calibration = _convert(args) if args.source == "convert" else _board(args, report)
+    if args.way in ("check", "refine"):
+        return _watch(args, report)
+    calibration = _convert(args) if args.way == "convert" else _board(args, report)
     _report_summary(report, calibration)
     if args.out:
-        calibration.save(args.out)
-        report.record["written"] = args.out
-        report.line(f"written     {args.out}")
+        written = calibration.save(args.out)
+        report.record["written"] = written[0] if len(written) == 1 else written
+        report.line(f"written     {', '.join(str(path) for path in written)}")
     return report.end()
+
+
+def _watch(args: argparse.Namespace, report: Report) -> int:
+    """Check or correct a rig; the status is 1 where the rig does not fit, or too little could be measured."""
+    from itertools import islice
+
+    from endosdk.calibration.rig import StereoCalibration
+    from endosdk.io.progress import progress
+    from endosdk.live.rig_check import check_rig, refine_rig
+
+    if args.frames < 1:
+        raise InvalidArgument("frames", "must be at least 1", args.frames)
+    calibration = StereoCalibration.load(args.rig)
+    with opened_source(args) as source:
+        frames = list(islice(source, args.frames))
+    if args.way == "check":
+        found = check_rig(calibration, progress(frames), args.model)
+        _report_check(report, "found", found)
+        return report.end(usable=found.measured > 0 and not found.drifted)
+    refined, before, after = refine_rig(calibration, frames, args.model)
+    _report_check(report, "before", before)
+    _report_check(report, "after", after)
+    refined.save(args.out)
+    report.record |= {"written": args.out, "sha256": refined.sha256}
+    report.line(f"written     {args.out}")
+    return report.end(usable=not after.drifted)
+
+
+def _report_check(report: Report, name: str, check: RigCheck) -> None:
+    from dataclasses import asdict
+
+    report.record[name] = asdict(check)
+    report.line(f"{name:11} {check.measured} of {check.frames} frames measured")
+    if not check.measured:
+        report.line("            too little texture, or views that do not belong together: nothing is known of the rig")
+        return
+    report.line(f"            rows differ by {check.vertical_disparity_px:.2f} px (median over the frames)")
+    for axis, angle, error in zip(("x", "y", "z"), check.rotation_deg, check.rotation_se_deg, strict=True):
+        report.line(f"            right camera turned about {axis} by {angle:+.3f} degrees, standard error {error:.3f}")
+    if check.drifted:
+        verdict = "the rig has moved since its calibration: run endosdk calibrate refine, or calibrate again"
+    else:
+        verdict = "the rig fits its calibration"
+    report.line(f"            {verdict}")
+    for cause, count in sorted(check.causes.items()):
+        report.line(f"            {cause} in {count} frames")
 
 
 def _convert(args: argparse.Namespace) -> StereoCalibration:
@@ -61,57 +116,28 @@ def _convert(args: argparse.Namespace) -> StereoCalibration:
 
 
 def _board(args: argparse.Namespace, report: Report) -> StereoCalibration:
-    from endosdk.calibration.board import calibrate_board
-    from endosdk.io.picture_pairs import pair_pictures
+    from endosdk.calibration.board_page import board_page
+    from endosdk.io.whole_files import write_text
 
-    pattern = parse_size(args.pattern, "pattern", "must be COLUMNSxROWS of inner corners, such as 14x10")
-    left, right, size = _find_all(report, pair_pictures(args.left, args.right), pattern)
-    result = calibrate_board(left, right, pattern, args.square_mm, size)
+    result, left_out = calibrate_pictures(args, report)
     median, p95 = result.row_median_px, result.row_p95_px
-    report.record |= {"pairs_used": len(left), "reprojection_px": result.reprojection_px}
+    report.record |= {"pairs_used": len(result.views), "reprojection_px": result.reprojection_px}
     report.record["vertical_disparity_px"] = {"median": median, "p95": p95}
-    report.line(f"pairs       {len(left)} used")
+    report.line(f"pairs       {len(result.views)} used, {len(result.refused) + len(left_out)} left out")
     report.line(f"reprojected {result.reprojection_px:.3f} px (root mean square)")
     report.line(f"rows        differ by {median:.3f} px (median), {p95:.3f} px (95th percentile)")
+    if result.errors is not None:
+        depths = result.errors.depth_mm
+        report.record["view_px"] = result.view_px
+        report.record["standard_errors"] = result.errors.standard_errors
+        report.record["depth_error_mm"] = {f"{mm:g}": {"middle": a, "edge": b} for mm, (a, b) in depths.items()}
+        said = ", ".join(f"{middle:.2f} mm at {mm:.0f} mm" for mm, (middle, _) in depths.items())
+        report.line(f"depth       uncertain by {said} (one standard error, middle of the picture)")
+    if args.page:
+        write_text(args.page, board_page(result, left_out, known_depths(result.calibration)))
+        report.record["page"] = args.page
+        report.line(f"page        {args.page}")
     return result.calibration
-
-
-def _find_all(
-    report: Report, pairs: list[tuple[Path, Path]], pattern: tuple[int, int]
-) -> tuple[list[Points], list[Points], tuple[int, int]]:
-    """Return the corners of every pair in which both views show the whole board, and the size of the pictures.
-
-    A pair of which a picture cannot be read, or does not show the whole board, is named and left out.
-    """
-    from endosdk.calibration.board import find_corners, same_order
-    from endosdk.io.pictures import read_frame
-    from endosdk.jobs.progress import progress
-
-    left: list[Points] = []
-    right: list[Points] = []
-    size: tuple[int, int] | None = None
-    skipped: dict[str, str] = {}
-    report.record["skipped"] = skipped
-    for paths in progress(pairs):
-        name = f"{paths[0].name}, {paths[1].name}"
-        try:
-            pictures = [read_frame(path) for path in paths]
-        except InvalidArgument as error:
-            skipped[name] = str(error)
-            continue
-        for path, picture in zip(paths, pictures, strict=True):
-            size = size or (picture.shape[1], picture.shape[0])
-            if (picture.shape[1], picture.shape[0]) != size:
-                raise InvalidArgument("pictures", f"must all have the size {size}", f"{path} {picture.shape[1::-1]}")
-        found = [find_corners(picture, pattern) for picture in pictures]
-        if found[0] is None or found[1] is None:
-            skipped[name] = "no whole board in both views"
-            continue
-        left.append(found[0])
-        right.append(same_order(found[0], found[1]))
-    for name, cause in skipped.items():
-        print(f"left out    {name}: {cause}", file=sys.stderr)
-    return left, right, size or (0, 0)
 
 
 def _report_summary(report: Report, calibration: StereoCalibration) -> None:
@@ -129,6 +155,7 @@ def _report_summary(report: Report, calibration: StereoCalibration) -> None:
     state = "already rectified" if calibration.is_rectified else "to be rectified"
     report.line(f"rectified   {geometry.width}x{geometry.height}, focal {geometry.focal_px:.1f} px, {state}")
     report.line(f"sha256      {calibration.sha256}")
+    report_nearest_depths(report, calibration)
     report.record["calibration"] = {**calibration.content(), "sha256": calibration.sha256}
     report.record["baseline_mm"] = calibration.baseline_mm
     report.record["rectified"] = {

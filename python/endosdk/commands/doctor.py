@@ -5,13 +5,10 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from endosdk.commands.options import add_calibration
+from endosdk.commands.options import add_calibration, report_nearest_depths
+from endosdk.commands.pair_report import explain_pair
 from endosdk.commands.report import Report
-
-if TYPE_CHECKING:
-    from endosdk.io.overview import Picture
 
 OPTIONAL = ("torch", "onnx", "moderngl", "matplotlib", "ray")
 OPENCV = tuple(f"opencv{contrib}-python{headless}" for contrib in ("", "-contrib") for headless in ("", "-headless"))
@@ -24,8 +21,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=Path,
         metavar=("LEFT", "RIGHT"),
-        help="also check that the rows of a pair correspond, after rectification where there is a --calibration"
-        " (default: none)",
+        help="also say what a pair is worth and what is wrong with it, after rectification where there is a"
+        " --calibration (default: none)",
     )
     add_calibration(parser)
 
@@ -36,8 +33,10 @@ def run(args: argparse.Namespace) -> int:
     problems = _packages(report) + _runtime(report)
     if not problems:
         problems += _models(report)
+    if args.calibration and not problems:
+        _rig(report, args.calibration)
     if args.pair:
-        problems += _pair(report, args.pair, args.calibration)
+        problems += explain_pair(report, args.pair, args.calibration)
     for problem in problems:
         report.line(f"PROBLEM      {problem}")
     report.line("not ready" if problems else "all well")
@@ -112,30 +111,7 @@ def _models(report: Report) -> list[str]:
     return problems
 
 
-def _pair(report: Report, pair: list[Path], calibration: Path | None) -> list[str]:
-    """Say whether the rows of a pair correspond; raw pairs are rectified first by their calibration."""
-    from endosdk.commands.predict import VERTICAL_DISPARITY_LIMIT
-    from endosdk.evaluation.vertical_disparity import vertical_disparity
-    from endosdk.io.pictures import read_frame
+def _rig(report: Report, calibration: Path) -> None:
+    from endosdk.calibration.rig import StereoCalibration
 
-    views = read_frame(pair[0]), read_frame(pair[1])
-    if calibration is not None:
-        views = _rectified(views, calibration)
-    offset = vertical_disparity(*views)
-    report.record["pair"] = {"vertical_disparity_px": offset.median_px, "matches": offset.matches}
-    if offset.median_px is None:
-        report.line(f"pair         too few matches to judge ({offset.matches})")
-        return []
-    differ = f"rows differ by {offset.median_px:.2f} px (median of {offset.matches} matches)"
-    report.line(f"pair         {differ}")
-    if offset.median_px <= VERTICAL_DISPARITY_LIMIT:
-        return []
-    if calibration is None:
-        return [f"the pair is not rectified: {differ}; for a raw pair give its --calibration"]
-    return [f"the calibration does not fit the pair: {differ} after rectification"]
-
-
-def _rectified(views: tuple[Picture, Picture], calibration: Path) -> tuple[Picture, Picture]:
-    from endosdk import DepthEstimator, StereoCalibration
-
-    return DepthEstimator("fast", calibration=StereoCalibration.load(calibration)).rectify(*views)
+    report_nearest_depths(report, StereoCalibration.load(calibration))

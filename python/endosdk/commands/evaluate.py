@@ -14,6 +14,25 @@ if TYPE_CHECKING:
     from endosdk.datasets.dataset import DatasetReader
     from endosdk.evaluation.methods import Method
 
+PARTS = (
+    "all",
+    "non_occluded",
+    "occluded",
+    "edges",
+    "instrument_edges",
+    "glare",
+    "low_texture",
+    "in_range",
+    "valid",
+)
+SHORT = {"instrument_edges": "instruments"}
+NONE_THERE = {
+    "edges": "the truth has no depth edge",
+    "instrument_edges": "the truth has no edge of an instrument",
+    "glare": "no truth lies in glare",
+    "low_texture": "no truth lies where texture is low",
+}
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -22,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--layout",
         default="endosdk",
-        help="how the set is laid out: endosdk, scared, servct, kitti or middlebury",
+        help="how the set is laid out: endosdk, scared, servct, kitti, middlebury or plain",
     )
     parser.add_argument("--split", help="train or test (default: test, or the one whose truth is published)")
     parser.add_argument("--pairs", type=int, help="only the first so many pairs (default: all)")
@@ -54,15 +73,15 @@ def run(args: argparse.Namespace) -> int:
         "scores": scores,
         "machine": machine_record(),
     }
-    for region in ("all", "non_occluded"):
-        if region in scores:
-            _report_region(report, region, scores[region])
+    for part in PARTS:
+        if part in scores:
+            _report_part(report, part, scores[part])
     report.line(f"time          {scores['ms_median']:.1f} ms a pair (median)")
     if args.out:
         pictures = write_worst(method, reader, scores, args.out / "worst")
         write_json(args.out / "scores.json", report.record, "out")
         report.line(f"written       {args.out / 'scores.json'} and {len(pictures)} pictures in {args.out / 'worst'}")
-    return report.end(usable=bool(scores["all"]["answered"]))
+    return report.end(usable=bool(scores["all"]["valid"]))
 
 
 def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
@@ -70,7 +89,7 @@ def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     from endosdk.runtime.estimator import DepthEstimator
 
     options = session_options(args)
-    # Loaded once before any data is read: a wrong option is told at once, and the record names the model that runs,
+    # Loaded once before any data is read: a wrong option is refused at once, and the record names the model that runs,
     # which is another than the one asked for where the processor lacks instructions.
     info = DepthEstimator(args.model, **options).model
     return estimator_method(args.model, **options), {"name": info.name, "version": info.version, "sha256": info.sha256}
@@ -80,8 +99,8 @@ def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     from endosdk.errors import InvalidArgument
     from endosdk.evaluation.methods import sgbm_method
 
-    for name, usual in (("network_size", None), ("provider", "cpu"), ("threads", None)):
-        if getattr(args, name) != usual:
+    for name, default in (("network_size", None), ("provider", "cpu"), ("provider_option", None), ("threads", None)):
+        if getattr(args, name) != default:
             raise InvalidArgument(name, "is for models; leave it out with sgbm", getattr(args, name))
     return sgbm_method(filled=True), {"name": "sgbm"}
 
@@ -93,15 +112,23 @@ def _command(args: argparse.Namespace, reader: DatasetReader) -> str:
     for name in ("pairs", "network_size", "provider", "threads"):
         if getattr(args, name) is not None:
             words += ["--" + name.replace("_", "-"), str(getattr(args, name))]
+    words += [word for option in args.provider_option or () for word in ("--provider-option", option)]
     return shlex.join(words)
 
 
-def _report_region(report: Report, name: str, measures: dict[str, Any]) -> None:
-    if not measures["answered"]:
-        report.line(f"{name:13} no pixel counted: {measures['pixels']} with truth, none of them answered")
+def _report_part(report: Report, name: str, measures: dict[str, Any]) -> None:
+    shown = SHORT.get(name, name)
+    if name in NONE_THERE and not measures["pixels"]:
+        report.line(f"{shown:13} {NONE_THERE[name]}")
+        return
+    if not measures["valid"]:
+        report.line(f"{shown:13} no pixel counted: {measures['pixels']} with truth, none of them valid")
         return
     shares = ", ".join(f"{100 * measures[f'kpe_{k}']:.2f} % over {k} px" for k in (1, 2, 3, 5))
-    report.line(f"{name:13} EPE {measures['epe_px']:.4f} px; {shares}")
+    report.line(f"{shown:13} EPE {measures['epe_px']:.4f} px; {shares}")
     if "depth_mae_mm" in measures:
         report.line(f"{'':13} depth error {measures['depth_mae_mm']:.3f} mm, {100 * measures['depth_relative']:.2f} %")
-    report.line(f"{'':13} {measures['pixels']} pixels with truth, {100 * measures['coverage']:.1f} % answered")
+    if measures.get("flying") is not None:
+        report.line(f"{'':13} {100 * measures['flying']:.2f} % flying pixels")
+    share = "" if name == "all" else f" ({100 * measures['share']:.1f} % of all)"
+    report.line(f"{'':13} {measures['pixels']} pixels with truth{share}, {100 * measures['coverage']:.1f} % valid")

@@ -31,11 +31,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         " (default: not written)",
     )
     parser.add_argument(
-        "--answer-cell",
+        "--output-stride",
         type=int,
         metavar="N",
-        help="give one answer for N x N of the network's, their mean; the SDK then draws edges by the left view"
-        " (default: as it was trained)",
+        help="one cell of the file's map for N x N input px, the mean of the network's own; the SDK then draws edges by"
+        " the left view (default: as it was trained)",
     )
     parser.add_argument(
         "--weights",
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         data=args.data,
         layout=args.layout or "endosdk",
         int8=args.int8,
-        answer_cell=args.answer_cell,
+        output_stride=args.output_stride,
     )
     if args.weights:
         checkpoint.save_weights(args.weights, trained)
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _serve(report: Report, model: str, repository: Path) -> Report:
-    from endosdk.io.triton import write_repository
+    from endosdk.runtime.triton import write_repository
 
     written = report.record["triton"] = write_repository(model, repository)
     report.line(f"written {written}")

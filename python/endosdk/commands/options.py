@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
+from endosdk import _core
+from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from endosdk.calibration.rig import StereoCalibration
 
 
 class _Help(argparse.HelpFormatter):
@@ -56,6 +62,33 @@ def add_calibration(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def known_depths(calibration: StereoCalibration) -> dict[str, float | None]:
+    """Return how near a surface may come to a rig, for every shipped model; nothing without ONNX Runtime."""
+    from endosdk.errors import RuntimeMissing
+    from endosdk.runtime.working_distance import nearest_depths
+
+    try:
+        return nearest_depths(calibration)
+    except RuntimeMissing:
+        return {}
+
+
+def report_nearest_depths(report: Report, calibration: StereoCalibration) -> None:
+    """Say how near a surface may come to a rig, for every shipped model."""
+    from endosdk.errors import RuntimeMissing
+    from endosdk.runtime.working_distance import nearest_depths
+
+    try:
+        depths = nearest_depths(calibration)
+    except RuntimeMissing as error:
+        report.line(f"nearest     depth of the shipped models is not known: {error}")
+        return
+    report.record["nearest_depth_mm"] = depths
+    report.line("nearest     depth that each model sees on this rig:")
+    for name, depth in depths.items():
+        report.line(f"            {name:14} {'not stated' if depth is None else f'{math.ceil(depth):5} mm'}")
+
+
 def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, all_threads: str = "all") -> None:
     """Add how a model runs: size, provider, threads."""
     parser.add_argument(
@@ -63,9 +96,15 @@ def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, 
         metavar="WxH",
         help="size the network works at, such as 480x360 (default: what the model is made for)",
     )
-    parser.add_argument("--provider", default="cpu", help="what computes: cpu, cuda, tensorrt or openvino")
-    usual = "" if threads is not None else f" (default: {all_threads})"
-    parser.add_argument("--threads", type=int, default=threads, help=f"processor threads{usual}")
+    parser.add_argument("--provider", default="cpu", help=f"what computes: {', '.join(_core.providers)}")
+    parser.add_argument(
+        "--provider-option",
+        action="append",
+        metavar="KEY=VALUE",
+        help="a setting of the provider, passed on unchanged; give it once for each (default: none)",
+    )
+    default = "" if threads is not None else f" (default: {all_threads})"
+    parser.add_argument("--threads", type=int, default=threads, help=f"processor threads{default}")
 
 
 def add_processes(parser: argparse.ArgumentParser) -> None:
@@ -76,8 +115,11 @@ def add_processes(parser: argparse.ArgumentParser) -> None:
 
 def session_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return what `add_session` added as arguments of `DepthEstimator`."""
+    options = _core.parse_provider_options(args.provider_option or [])
+    _core.check_provider_options(args.provider, options)
     return {
         "provider": args.provider,
+        "provider_options": dict(options) or None,
         "threads": args.threads,
         "network_size": parse_size(args.network_size) if args.network_size else None,
     }

@@ -40,15 +40,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Predict, write the files, say what was found; the status is 1 where the maps cannot be used."""
     from endosdk import DepthEstimator, Status, StereoCalibration
-    from endosdk.io.pictures import read_frame, write_result
+    from endosdk.io.pictures import read_frame
+    from endosdk.runtime.result_files import write_result
 
     left, right = read_frame(args.left), read_frame(args.right)
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
     estimator = DepthEstimator(args.model, calibration=rig, **session_options(args))
     result = estimator.predict(left, right)
     result, totals = _timed(estimator, left, right, result, args.frames)
+    truth = _read_truth(args.truth, result) if args.truth else None
     views = estimator.rectify(left, right)
-    files = write_result(args.out, views[0], result)
+    files = write_result(args.out, views[0], result, truth)
     report = Report(args)
     provider = estimator.diagnostics()["provider"]
     report.record = {
@@ -59,8 +61,8 @@ def run(args: argparse.Namespace) -> int:
     report.line(f"model      {result.model.name} {result.model.version} on {provider}")
     _report_maps(report, result)
     _report_speed(report, result, totals)
-    if args.truth:
-        _report_error(report, result, args.truth)
+    if truth is not None:
+        _report_error(report, result, truth)
     _report_rows(report, *views, calibrated=rig is not None)
     report.record["files"] = files
     for number, path in enumerate(files.values()):
@@ -72,7 +74,7 @@ def _timed(
     estimator: DepthEstimator, left: np.ndarray, right: np.ndarray, result: DepthResult, frames: int
 ) -> tuple[DepthResult, list[float]]:
     """Repeat the prediction; return its last result and the time of each frame, ms."""
-    from endosdk.jobs.progress import progress
+    from endosdk.io.progress import progress
 
     totals = []
     for _ in progress(range(frames), unit="frame", title="timing", stays=False):
@@ -112,12 +114,16 @@ def _report_speed(report: Report, result: DepthResult, totals: list[float]) -> N
     report.line(f"speed      {fps:.2f} FPS ({parts} ms)")
 
 
-def _report_error(report: Report, result: DepthResult, path: Path) -> None:
+def _read_truth(path: Path, result: DepthResult) -> FloatMap:
     from endosdk.datasets.dataset import read_disparity
 
     truth = read_disparity(path)
     if truth.shape != result.disparity.shape:
         raise InvalidArgument("truth", f"must have the size of the result, {result.disparity.shape}", truth.shape)
+    return truth
+
+
+def _report_error(report: Report, result: DepthResult, truth: FloatMap) -> None:
     error = np.abs(result.disparity - truth)[np.isfinite(truth)]
     bad = float(np.mean(error > 1))
     report.record["error"] = {"epe_px": float(error.mean()), "kpe_1": bad, "pixels": error.size}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from endosdk.commands.report import Report
@@ -22,20 +23,33 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Record; the status is 1 where every frame was INVALID, or there was none."""
-    from endosdk.live.recording.record import record
+    from endosdk.errors import SourceFailed, StorageFailed
+    from endosdk.live.recording.record import begun, record
 
     with opened_source(args) as source:
         try:
-            told = record(source, made_estimator(args), args.out, pictures=not args.no_pictures, most=args.frames)
+            summary = record(
+                source,
+                made_estimator(args),
+                args.out,
+                pictures=not args.no_pictures,
+                most=args.frames,
+                temporal=args.temporal,
+            )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
+        except (SourceFailed, StorageFailed):
+            folder, frames = begun(args.out)
+            if frames:
+                print(f"{frames} frames stay in {folder}: replay reads them, the same command goes on", file=sys.stderr)
+            raise
     report = Report(args)
-    report.record = {**told, "out": args.out}
-    counts = ", ".join(f"{count} {status}" for status, count in sorted(told["status"].items()))
-    report.line(f"frames     {told['frames']}: {counts or 'none'}")
-    if told["dropped"]:
-        report.line(f"dropped    {told['dropped']}")
-    for fault in told["faults"][:10]:
+    report.record = {**summary, "out": args.out}
+    counts = ", ".join(f"{count} {status}" for status, count in sorted(summary["status"].items()))
+    report.line(f"frames     {summary['frames']}: {counts or 'none'}")
+    if summary["dropped"]:
+        report.line(f"dropped    {summary['dropped']}")
+    for fault in summary["faults"][:10]:
         report.line(f"FAULT      {fault}")
     report.line(f"written    {args.out}")
-    return report.end(usable=bool(set(told["status"]) - {"INVALID"}))
+    return report.end(usable=bool(set(summary["status"]) - {"INVALID"}))

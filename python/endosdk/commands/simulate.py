@@ -13,7 +13,7 @@ from endosdk.commands.report import Report
 if TYPE_CHECKING:
     from endosdk.simulation.recipe import Recipe
 
-# What describes a set, which a published recipe settles: usual value, and what the option means.
+# What describes a set, which a published recipe settles: default value, and what the option means.
 _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "organ": (
         "mix",
@@ -34,11 +34,11 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "max_disparity": (69.5, "px, never exceeded (default: 69.5; with --rig drawn 25 %% of the width)"),
     "faults": (False, "spoil the pictures: field of view, rows, blur of one eye, glare, smoke, noise and more"),
     "video": (False, "move along the path: every pair becomes a video of frames"),
-    "frames": (100, "of each video, 25 a second"),
+    "frames": (100, "frames of each video, 25 a second"),
     "shutter": (0.0, "video: share of the frame time it is open"),
     "motion_blur": (0.0, "pairs: longest streak in px"),
     "chroma": (False, "one colour for four pixels, as in 4:2:0 video"),
-    "bubbles": (False, "in the film on a mucosa"),
+    "bubbles": (False, "draw bubbles in the film on a mucosa"),
     "emitters": (2, "1 or 2: places at the camera from which light comes"),
     "vignetting": (True, "all corners equally bright"),
     "glare": (True, "no light scattered over the picture"),
@@ -50,7 +50,8 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
 
 def _option(name: str) -> str:
     """Return the option of a setting; what is usually on has one that switches it off."""
-    return ("--no-" if _SETTINGS[name][0] is True else "--") + name.replace("_", "-")
+    switched_off = name in _SETTINGS and _SETTINGS[name][0] is True
+    return ("--no-" if switched_off else "--") + name.replace("_", "-")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -73,14 +74,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a published set, such as endosim-lap; settles all but --pairs and --test-pairs (default: none)",
     )
     described = parser.add_argument_group("what describes a set")
-    for name, (usual, text) in _SETTINGS.items():
-        if isinstance(usual, bool):
-            action = "store_false" if usual else "store_true"
+    for name, (default, text) in _SETTINGS.items():
+        if isinstance(default, bool):
+            action = "store_false" if default else "store_true"
             described.add_argument(_option(name), dest=name, action=action, default=None, help=text)
         else:
             described.add_argument(
-                _option(name), type=type(usual), help=text if "default" in text else f"{text} (default: {usual})"
+                _option(name), type=type(default), help=text if "default" in text else f"{text} (default: {default})"
             )
+    described.add_argument(
+        "--textures",
+        type=Path,
+        metavar="DIR",
+        help="pictures of real tissue whose colours the organs take, evenly lit (default: drawn colours)",
+    )
     add_processes(parser)
     parser.add_argument(
         "--cycles-python",
@@ -124,7 +131,7 @@ def _spoil(args: argparse.Namespace) -> int:
     from endosdk.errors import InvalidArgument
     from endosdk.simulation.faults.spoil_set import spoil_set
 
-    given = [name for name in _SETTINGS if getattr(args, name) is not None and name != "seed"]
+    given = [name for name in (*_SETTINGS, "textures") if getattr(args, name) is not None and name != "seed"]
     if given or args.recipe is not None:
         options = ", ".join([*(_option(name) for name in given), *(["--recipe"] if args.recipe else [])])
         raise InvalidArgument("spoil", "takes the pairs as they are, so leave out the rest but --seed", options)
@@ -155,9 +162,10 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     from endosdk.simulation.camera import StereoCamera
     from endosdk.simulation.effects import Effects
     from endosdk.simulation.recipe import Recipe, published
-    from endosdk.simulation.sample import Limits
+    from endosdk.simulation.sample import DisparityLimits
+    from endosdk.simulation.tissue_pictures import find_pictures
 
-    given = [name for name in _SETTINGS if getattr(args, name) is not None]
+    given = [name for name in (*_SETTINGS, "textures") if getattr(args, name) is not None]
     if args.recipe is not None:
         counts = {name: getattr(args, name) for name in given if name in ("pairs", "test_pairs")}
         if len(given) > len(counts):
@@ -179,8 +187,12 @@ def _recipe(args: argparse.Namespace) -> Recipe:
             for name in ("organ", "pairs", "test_pairs", "seed", "renderer", "rig", "aspect", "faults")
         },
         camera=StereoCamera(chosen["width"], chosen["height"], chosen["focal"], chosen["baseline"]),
-        limits=Limits(chosen["min_disparity"], chosen["max_disparity"]),
-        effects=Effects(motion_px=chosen["motion_blur"], **same_name),
+        limits=DisparityLimits(chosen["min_disparity"], chosen["max_disparity"]),
+        effects=Effects(
+            motion_px=chosen["motion_blur"],
+            textures=find_pictures(args.textures) if args.textures is not None else (),
+            **same_name,
+        ),
         frames=chosen["frames"] if video else 0,
     )
 
@@ -195,9 +207,9 @@ def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
     for name in drawn:
         if name in given:
             raise InvalidArgument(name, "is drawn for every scene, so leave it out", chosen[name])
-    usual, width = StereoCamera(), chosen["width"]
-    chosen["focal"] = usual.focal_px * width / usual.width
+    default, width = StereoCamera(), chosen["width"]
+    chosen["focal"] = default.focal_px * width / default.width
     if "height" not in given:
-        chosen["height"] = round(usual.height * width / usual.width)
+        chosen["height"] = round(default.height * width / default.width)
     if "max_disparity" not in given:
         chosen["max_disparity"] = WIDEST_DISPARITY * width

@@ -6,10 +6,10 @@ import argparse
 from typing import TYPE_CHECKING, get_args
 
 from endosdk.commands.options import add_calibration, add_model, add_session, session_options
-from endosdk.live.sources.base import Layout, Queue, Scan
+from endosdk.live.sources.source import Layout, Queue, Scan
 
 if TYPE_CHECKING:
-    from endosdk.live.sources.base import Source
+    from endosdk.live.sources.source import Source
     from endosdk.runtime.estimator import DepthEstimator
 
 
@@ -38,6 +38,9 @@ def add_estimator(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     add_calibration(parser)
     add_session(parser)
+    parser.add_argument(
+        "--temporal", action="store_true", help="steady in time: draw each frame's depth towards the one before"
+    )
 
 
 def opened_source(args: argparse.Namespace) -> Source:

@@ -22,28 +22,37 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
     "init_from": (
         str,
-        "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from (default: none)",
+        "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from; their recipe is"
+        " the default of every setting that made them, at the rates of its last third (default: none)",
     ),
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
-    "dense_disparity": (int, "px up to which fast has all its planes, beyond it every second (default: all planes)"),
+    "dense_disparity": (int, "px up to which fast and cascade have all planes, beyond it half (default: all planes)"),
     "mode_reach": (
         int,
-        "planes on either side of the likeliest from which fast reads its answer (default: all planes)",
+        "planes on either side of the likeliest from which fast and cascade read their answer (default: all planes)",
     ),
     "volume_weight": (float, "weight of the cross-entropy of the volume that fast searches"),
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),
-    "answer_cell": (int, "train for the mean of so many answers along both axes, as deployed"),
+    "output_stride": (
+        int,
+        "input px per cell of the model file's map; training sees such maps, upsampled (default: the network's own)",
+    ),
     "steps": (int, "steps in all; 0: only fit the confidence, to the held-out pairs"),
     "optimiser": (str, "rmsprop, adamw or muon"),
     "rate": (float, "learning rate at the start"),
     "final_rate": (float, "learning rate at the end"),
-    "decay": (str, "how the rate falls: exponential or linear"),
+    "decay": (
+        str,
+        "how the rate falls: exponential, linear, epochs (in --epochs steps) or drop (once, after two thirds)",
+    ),
+    "epochs": (int, "parts of the run in which the rate is held, with --decay epochs"),
     "refine_from_step": (int, "train the coarse stage alone until this step"),
     "precision": (str, "auto, fp32 or bf16"),
     "device": (str, "auto, cpu or cuda"),
+    "threads": (int, "processor threads of each process (default: what torch takes)"),
     "validate_every": (int, "steps between validations"),
     "checkpoint_minutes": (float, "minutes between checkpoints"),
 }
@@ -58,7 +67,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", required=True, help="folder of the run: checkpoint, log.csv, log.json"
     )
     parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
-    parser.add_argument("--network", help="wang2020, wang2020-photometric or fast" + _default("network"))
+    parser.add_argument("--network", help="wang2020, wang2020-photometric, fast or cascade" + _default("network"))
     parser.add_argument(
         "--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px (default: the network's own)"
     )
@@ -75,7 +84,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--looks", nargs="*", metavar="NAME", help="looks of real endoscopes given to pairs (default: none)"
     )
-    parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="plain crops")
+    parser.add_argument(
+        "--no-augment", dest="augment", action="store_false", default=None, help="plain crops, colours unchanged"
+    )
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text + _default(name))
 
@@ -88,18 +99,30 @@ def _default(name: str) -> str:
 
 def run(args: argparse.Namespace) -> int:
     """Train and print where the result lies."""
+    from endosdk.training import checkpoint
     from endosdk.training.train import train
 
+    report = Report(args)
     given = _given(args)
     if args.resume:
-        from endosdk.training import checkpoint
-
         given = {**checkpoint.load(args.out).config.as_dict(), **given}
+    elif args.init_from is not None:
+        taken_over = checkpoint.inherited(args.init_from, given)
+        report.record["inherited"] = taken_over
+        report.line(f"from {args.init_from}: {', '.join(f'{name} {_shown(taken_over[name])}' for name in taken_over)}")
+        given = {**taken_over, **given}
     trained = train(TrainConfig.from_dict(given), args.out, resume=args.resume)
-    report = Report(args)
     report.record["checkpoint"] = trained
     report.line(f"written {trained}")
     return report.end()
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    if isinstance(value, tuple | list):
+        return " ".join(map(str, value)) or "none"
+    return "none" if value is None else str(value)
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:

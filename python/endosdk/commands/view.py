@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C; the status is 1 where the source failed."""
     from endosdk.live.viewer import Player, Server
 
-    player = Player(made_estimator(args), opened_source(args), playing=not args.paused)
+    player = Player(made_estimator(args), opened_source(args), playing=not args.paused, temporal=args.temporal)
     if args.rerun is not None:
         player.listeners.append(rerun_writer(args.rerun, player))
     server = Server(player, port=args.port, recordings=args.recordings)
@@ -72,6 +72,6 @@ def rerun_writer(path: Path, player: Player) -> Callable[[Shown], None]:
     def write(shown: Shown) -> None:
         rerun.set_time("frame", sequence=shown.frame.number)
         rerun.set_time("stamp", duration=shown.frame.stamp_ns / 1e9)
-        shown.result.to_rerun(player.left_view(shown)[0])
+        shown.result.to_rerun(player.left_view(shown))
 
     return write

@@ -32,7 +32,7 @@ LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 MATCH_TOLERANCE_PX = 1.0
 PNG_EFFORT = 4  # of 9; more takes several times longer and saves a few per cent
 
-Extras = Mapping[str, Callable[[Path], None]]
+Extras = Mapping[str, Callable[[Path], object]]
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,15 @@ class Sample:
     disparity: NDArray[np.float32]
     disparity_right: NDArray[np.float32] | None
     occlusion: NDArray[np.bool_] | None  # true where the right view does not see the point
-    focal_px: float
+    focal_px: float  # NaN, as the baseline, where the camera is not known
     baseline_mm: float
     doffs: float = 0.0
     info: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def has_camera(self) -> bool:
+        """Tell whether depth in mm can be said."""
+        return bool(np.isfinite(self.focal_px) and np.isfinite(self.baseline_mm))
 
 
 def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -86,6 +91,12 @@ class DatasetReader:
 
     def __getitem__(self, index: int) -> Sample:
         return read_sample(self.root / self.split / self.ids[index])
+
+    def film(self, index: int) -> str:
+        """Name the film of which a sample is a frame: its id up to a dash and the number of the frame, else its id."""
+        sample_id: str = self.ids[index]
+        name, _, frame = sample_id.rpartition("-")
+        return name if name and frame.isdecimal() else sample_id
 
     def __iter__(self) -> Iterator[Sample]:
         return (self[i] for i in range(len(self)))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,14 +16,16 @@ import numpy.typing as npt
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
+from endosdk.evaluation.frame_parts import has_instruments
 from endosdk.evaluation.scores import ScoreBoard, evaluate_pair
 from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings, fill_holes
-from endosdk.io.overview import error_overview
 from endosdk.io.pictures import write_picture
-from endosdk.jobs.progress import progress
+from endosdk.io.progress import progress
 from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.overview import error_overview
 
 FloatMap = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
 
 WORST_PAIRS = 10
 
@@ -33,6 +37,8 @@ class Answer:
     disparity: FloatMap
     confidence: FloatMap | None = None
     sigma: FloatMap | None = None  # mm
+    valid: Mask | None = None  # where the method stands by its answer
+    largest_px: float | None = None  # disparity that the method can find
     milliseconds: float = 0.0
 
 
@@ -48,9 +54,9 @@ def require_pairs(reader: DatasetReader) -> None:
 def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) -> dict[str, Any]:
     """Run ``method`` over the first ``pairs`` pairs (default: all).
 
-    Returns the pooled measures of `ScoreBoard` for ``all`` and ``non_occluded`` pixels, the median time and ``worst``:
-    id, index and error of the ten pairs with the largest error (None where a pair got no answer at all). Raises
-    InvalidArgument when there is no pair, DatasetInvalid when none has truth.
+    Returns the pooled measures of `ScoreBoard` for each part of the pixels, the median time and ``worst``: id, index
+    and error of the ten pairs with the largest error (None where a pair got no answer at all). Raises InvalidArgument
+    when there is no pair, DatasetInvalid when none has truth.
     """
     require_pairs(reader)
     if pairs is not None and pairs < 1:
@@ -64,11 +70,15 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
             answer.disparity,
             sample.disparity,
             occlusion=sample.occlusion,
-            focal_px=sample.focal_px,
-            baseline_mm=sample.baseline_mm,
+            focal_px=sample.focal_px if sample.has_camera else None,
+            baseline_mm=sample.baseline_mm if sample.has_camera else None,
             doffs=sample.doffs,
             sigma=answer.sigma,
             confidence=answer.confidence,
+            valid=answer.valid,
+            largest_px=answer.largest_px,
+            view=sample.left,
+            instruments=has_instruments(sample.info),
         )
         errors.append((_pair_error(answer, sample), sample.id, index))
         times.append(answer.milliseconds)
@@ -99,24 +109,42 @@ def write_worst(method: Method, reader: DatasetReader, scores: dict[str, Any], f
 
 
 def estimator_method(
-    model: str, *, provider: str = "cpu", threads: int | None = None, network_size: tuple[int, int] | None = None
+    model: str,
+    *,
+    provider: str = "cpu",
+    provider_options: Mapping[str, str] | None = None,
+    threads: int | None = None,
+    network_size: tuple[int, int] | None = None,
 ) -> Method:
     """Return the method that is a model of ours. Its disparity is dense: every pixel with truth counts."""
-    estimators: dict[tuple[int, int, float, float, float], DepthEstimator] = {}
+    estimators: dict[tuple[int, int, tuple[float, float, float] | None], DepthEstimator] = {}
 
     def answer(sample: Sample) -> Answer:
         height, width = sample.left.shape[:2]
-        key = (width, height, sample.focal_px, sample.baseline_mm, sample.doffs)
+        camera = (sample.focal_px, sample.baseline_mm, sample.doffs) if sample.has_camera else None
+        key = (width, height, camera)
         if key not in estimators:
-            rig = StereoCalibration.rectified(
-                focal_px=sample.focal_px, baseline_mm=sample.baseline_mm, size=(width, height), doffs=sample.doffs
-            )
+            rig = None if camera is None else StereoCalibration.rectified(*camera[:2], (width, height), doffs=camera[2])
             estimators.clear()  # one rig at a time: sets are sorted by camera, and buffers are large
-            estimators[key] = DepthEstimator(
-                model, calibration=rig, provider=provider, threads=threads, network_size=network_size
-            )
-        result = estimators[key].predict(sample.left, sample.right)
-        return Answer(result.disparity, result.confidence, result.sigma, result.timings.total_ms)
+            with _range_unsaid():
+                estimators[key] = DepthEstimator(
+                    model,
+                    calibration=rig,
+                    provider=provider,
+                    provider_options=provider_options,
+                    threads=threads,
+                    network_size=network_size,
+                )
+        estimator = estimators[key]
+        result = estimator.predict(sample.left, sample.right)
+        return Answer(
+            result.disparity,
+            result.confidence,
+            result.sigma_map,
+            valid=result.reasons == 0,
+            largest_px=estimator.largest_disparity(width, height),
+            milliseconds=result.timings.total_ms,
+        )
 
     return answer
 
@@ -129,9 +157,26 @@ def sgbm_method(*, filled: bool, settings: SgbmSettings | None = None) -> Method
         started = time.perf_counter()
         disparity = matcher.compute(sample.left, sample.right)
         elapsed = 1e3 * (time.perf_counter() - started)
-        return Answer(fill_holes(disparity) if filled else disparity, milliseconds=elapsed)
+        largest = float(matcher.settings.max_disparity - 1)
+        shown = fill_holes(disparity) if filled else disparity
+        return Answer(shown, valid=np.isfinite(disparity), largest_px=largest, milliseconds=elapsed)
 
     return answer
+
+
+@contextmanager
+def _range_unsaid() -> Iterator[None]:
+    """Log no line on the range of a rig: a set may have a rig for every pair, and the scores say what lies in range."""
+    logger = logging.getLogger("endosdk.rigs")
+    logger.addFilter(_nothing)
+    try:
+        yield
+    finally:
+        logger.removeFilter(_nothing)
+
+
+def _nothing(record: logging.LogRecord) -> bool:
+    return False
 
 
 def _pair_error(answer: Answer, sample: Sample) -> float:

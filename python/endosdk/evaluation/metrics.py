@@ -33,7 +33,7 @@ def end_point_error(disparity: Map, truth: Map, mask: Mask | None = None) -> flo
 
 
 def k_pixel_error(disparity: Map, truth: Map, k: float, mask: Mask | None = None) -> float:
-    """Share (0..1) of answered pixels with |d - d*| > k px."""
+    """Share (0..1) of compared pixels with |d - d*| > k px."""
     return _mean(np.abs(_differences(disparity, truth, mask)) > k)
 
 
@@ -44,7 +44,7 @@ def depth_error(depth: Map, truth: Map, mask: Mask | None = None) -> float:
 
 def relative_depth_error(depth: Map, truth: Map, mask: Mask | None = None) -> float:
     """Mean |z - z*| / z*; the truth must be positive."""
-    known = answered(depth, truth, mask)
+    known = compared(depth, truth, mask)
     return _mean(np.abs(depth[known] - truth[known], dtype=np.float64) / truth[known])
 
 
@@ -115,7 +115,7 @@ def with_truth(truth: Map, mask: Mask | None = None) -> Mask:
     return known & mask
 
 
-def answered(prediction: Map, truth: Map, mask: Mask | None = None) -> Mask:
+def compared(prediction: Map, truth: Map, mask: Mask | None = None) -> Mask:
     """Return where there are truth and answer, inside the mask."""
     _check_shapes(prediction, truth)
     return with_truth(truth, mask) & np.isfinite(prediction)
@@ -127,7 +127,7 @@ def _check_shapes(prediction: Map, truth: Map) -> None:
 
 
 def _differences(prediction: Map, truth: Map, mask: Mask | None) -> Errors:
-    known = answered(prediction, truth, mask)
+    known = compared(prediction, truth, mask)
     return prediction[known].astype(np.float64) - truth[known]
 
 

@@ -1,4 +1,10 @@
-"""Score whole pairs, one or many, on all pixels and on those that both cameras see."""
+"""Score whole pairs, one or many, on all pixels and on parts of them.
+
+The parts, where there is what they need: ``non_occluded`` and ``occluded``, that both cameras see and that only the
+left one sees; ``edges``, near a depth edge (`endosdk.evaluation.edges`); ``glare``, ``low_texture`` and
+``instrument_edges``, where the left view is hard to match (`endosdk.evaluation.frame_parts`); ``in_range``, whose true
+disparity the method can find; ``valid``, on which it stands by its answer.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument
+from endosdk.evaluation.edges import flying_pixels, near_edges
+from endosdk.evaluation.frame_parts import Picture, glare, instrument_edges, low_texture
 from endosdk.evaluation.metrics import (
     SIGMA_BIN_EDGES,
     Map,
     Mask,
-    answered,
+    compared,
     sigma_bins,
     sigma_gap,
     sparsification_error,
@@ -21,16 +29,20 @@ from endosdk.evaluation.metrics import (
 )
 
 PIXEL_LIMITS = (1, 2, 3, 5)
+RANKED = ("all", "non_occluded")  # parts with ``ause``, which takes longer than everything else
 
 
 @dataclass
 class _Sums:
-    """Running sums of one region; every measure follows from them, so that pictures are pooled by pixels."""
+    """Running sums of one part; every measure follows from them, so that pictures are pooled by pixels."""
 
     pixels: int = 0
-    answered: int = 0
+    valid: int = 0
     error: float = 0.0
     beyond: dict[int, int] = field(default_factory=lambda: dict.fromkeys(PIXEL_LIMITS, 0))
+    flying: int | None = None
+    bent_pixels: int = 0
+    bend: float = 0.0
     depth_pixels: int = 0
     depth_error: float = 0.0
     relative_error: float = 0.0
@@ -47,7 +59,7 @@ class ScoreBoard:
     """
 
     def __init__(self) -> None:
-        self._regions: dict[str, _Sums] = {}
+        self._pooled: dict[str, _Sums] = {}
         self._pairs = 0
 
     def add(
@@ -61,43 +73,55 @@ class ScoreBoard:
         doffs: float = 0.0,
         sigma: Map | None = None,
         confidence: Map | None = None,
+        valid: Mask | None = None,
+        largest_px: float | None = None,
+        view: Picture | None = None,
+        instruments: bool = False,
     ) -> None:
         """Add one pair; all maps are [H,W].
 
         ``occlusion`` is True where only the left camera sees the point. Focal length and baseline give the measures in
         mm. ``sigma`` (mm) is held against the depth error; ``confidence`` (0..1), or sigma where there is none, ranks
-        the pixels for ``ause``.
+        the pixels for ``ause``. ``valid`` is True where the method stands by its answer, ``largest_px`` the largest
+        disparity that it can find. ``view`` is the left picture, which tells the parts that are hard to match, with
+        ``instruments`` the edges of instruments too.
         """
-        for name, given in (
-            ("disparity", disparity),
-            ("occlusion", occlusion),
-            ("sigma", sigma),
-            ("confidence", confidence),
-        ):
-            if given is not None and given.shape != truth.shape:
-                raise InvalidArgument(name, f"must have the shape of the truth, {truth.shape}", given.shape)
-        if occlusion is not None and occlusion.dtype != np.bool_:
-            raise InvalidArgument("occlusion", "must be bool", occlusion.dtype)
+        masks = {"occlusion": occlusion, "valid": valid}
+        _check_maps(truth, {"disparity": disparity, "sigma": sigma, "confidence": confidence, **masks})
+        for name, mask in masks.items():
+            if mask is not None and mask.dtype != np.bool_:
+                raise InvalidArgument(name, "must be bool", mask.dtype)
         if (focal_px is None) != (baseline_mm is None):
             raise InvalidArgument("baseline_mm", "must come together with focal_px", (focal_px, baseline_mm))
-        regions: dict[str, Mask | None] = {"all": None}
-        if occlusion is not None:
-            regions["non_occluded"] = ~occlusion
         depths = None
         if focal_px is not None and baseline_mm is not None:
             product = focal_px * baseline_mm
             depths = _depth(disparity, product, doffs), _depth(truth, product, doffs)
-        for name, mask in regions.items():
-            sums = self._regions.setdefault(name, _Sums())
+        near = near_edges(truth)
+        parts = _parts(truth, near, occlusion, valid, largest_px)
+        if view is not None:
+            _check_maps(truth, {"view": view[..., 0] > 0})
+            parts |= {"glare": glare(view), "low_texture": low_texture(view)}
+            parts |= {"instrument_edges": instrument_edges(view, truth)} if instruments else {}
+        for name, mask in parts.items():
+            sums = self._pooled.setdefault(name, _Sums())
             _add_disparity(sums, disparity, truth, mask)
             if depths is not None:
                 _add_depth(sums, *depths, mask, sigma)
-            _add_ranking(sums, disparity, truth, mask, confidence, sigma)
+            if name in RANKED:
+                _add_ranking(sums, disparity, truth, mask, confidence, sigma)
+        edges = self._pooled["edges"]
+        edges.flying = (edges.flying or 0) + int(flying_pixels(disparity, truth).sum())
+        _add_bend(self._pooled["all"], disparity, truth, near)
         self._pairs += 1
 
     def result(self) -> dict[str, Any]:
-        """Return ``pairs`` and, per region, the measures as JSON values; None where no pixel counted."""
-        return {"pairs": self._pairs, **{name: _measures(sums) for name, sums in self._regions.items()}}
+        """Return ``pairs`` and, per part, the measures as JSON values; None where no pixel counted.
+
+        ``share`` says how many of the pixels with truth are in the part.
+        """
+        parts = {name: _measures(sums, self._pooled["all"].pixels) for name, sums in self._pooled.items()}
+        return {"pairs": self._pairs, **parts}
 
 
 def evaluate_pair(disparity: Map, truth: Map, **options: Any) -> dict[str, Any]:
@@ -105,6 +129,26 @@ def evaluate_pair(disparity: Map, truth: Map, **options: Any) -> dict[str, Any]:
     board = ScoreBoard()
     board.add(disparity, truth, **options)
     return board.result()
+
+
+def _check_maps(truth: Map, maps: dict[str, Map | Mask | None]) -> None:
+    for name, given in maps.items():
+        if given is not None and given.shape != truth.shape:
+            raise InvalidArgument(name, f"must have the shape of the truth, {truth.shape}", given.shape)
+
+
+def _parts(
+    truth: Map, edges: Mask, occlusion: Mask | None, valid: Mask | None, largest_px: float | None
+) -> dict[str, Mask | None]:
+    parts: dict[str, Mask | None] = {"all": None}
+    if occlusion is not None:
+        parts |= {"non_occluded": ~occlusion, "occluded": occlusion}
+    parts["edges"] = edges
+    if largest_px is not None:
+        parts["in_range"] = truth <= largest_px
+    if valid is not None:
+        parts["valid"] = valid
+    return parts
 
 
 def _depth(disparity: Map, focal_times_baseline: float, doffs: float) -> npt.NDArray[np.float64]:
@@ -116,17 +160,26 @@ def _depth(disparity: Map, focal_times_baseline: float, doffs: float) -> npt.NDA
 
 
 def _add_disparity(sums: _Sums, disparity: Map, truth: Map, mask: Mask | None) -> None:
-    known = answered(disparity, truth, mask)
+    known = compared(disparity, truth, mask)
     errors = np.abs(disparity[known].astype(np.float64) - truth[known])
     sums.pixels += int(with_truth(truth, mask).sum())
-    sums.answered += errors.size
+    sums.valid += errors.size
     sums.error += float(errors.sum())
     for limit in PIXEL_LIMITS:
         sums.beyond[limit] += int((errors > limit).sum())
 
 
+def _add_bend(sums: _Sums, disparity: Map, truth: Map, edges: Mask) -> None:
+    """Add how much the error bends from pixel to pixel of a row, away from edges: noise, which no mean error shows."""
+    errors = np.where(edges, np.nan, disparity.astype(np.float64) - truth)
+    bends = np.abs(errors[:, 2:] - 2 * errors[:, 1:-1] + errors[:, :-2])
+    known = np.isfinite(bends)
+    sums.bent_pixels += int(known.sum())
+    sums.bend += float(bends[known].sum())
+
+
 def _add_depth(sums: _Sums, depth: Map, truth: Map, mask: Mask | None, sigma: Map | None) -> None:
-    known = answered(depth, truth, mask)
+    known = compared(depth, truth, mask)
     errors = np.abs(depth[known] - truth[known])
     sums.depth_pixels += errors.size
     sums.depth_error += float(errors.sum())
@@ -142,21 +195,26 @@ def _add_ranking(
     uncertainty = sigma if confidence is None else 1 - confidence
     if uncertainty is None:
         return
-    known = answered(disparity, truth, mask) & np.isfinite(uncertainty)
+    known = compared(disparity, truth, mask) & np.isfinite(uncertainty)
     errors = np.abs(disparity[known].astype(np.float64) - truth[known])
     if errors.size:
         sums.ranked_pixels += errors.size
         sums.ranked_area += errors.size * sparsification_error(errors, uncertainty[known].astype(np.float64))
 
 
-def _measures(sums: _Sums) -> dict[str, Any]:
+def _measures(sums: _Sums, pixels: int) -> dict[str, Any]:
     measures: dict[str, Any] = {
         "pixels": sums.pixels,
-        "answered": sums.answered,
-        "coverage": _ratio(sums.answered, sums.pixels),
-        "epe_px": _ratio(sums.error, sums.answered),
-        **{f"kpe_{limit}": _ratio(count, sums.answered) for limit, count in sums.beyond.items()},
+        "share": _ratio(sums.pixels, pixels),
+        "valid": sums.valid,
+        "coverage": _ratio(sums.valid, sums.pixels),
+        "epe_px": _ratio(sums.error, sums.valid),
+        **{f"kpe_{limit}": _ratio(count, sums.valid) for limit, count in sums.beyond.items()},
     }
+    if sums.flying is not None:
+        measures["flying"] = _ratio(sums.flying, sums.valid)
+    if sums.bent_pixels:
+        measures["noise_px"] = _ratio(sums.bend, sums.bent_pixels)
     if sums.depth_pixels:
         measures["depth_pixels"] = sums.depth_pixels
         measures["depth_mae_mm"] = _ratio(sums.depth_error, sums.depth_pixels)

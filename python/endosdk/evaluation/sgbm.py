@@ -1,4 +1,4 @@
-"""StereoSGBM, the matcher everyone already has: the rival beside which endosdk's numbers are stated."""
+"""StereoSGBM, the matcher everyone already has: the method beside which endosdk's numbers are stated."""
 
 from __future__ import annotations
 
@@ -24,6 +24,10 @@ class SgbmSettings:
     speckle_range: int = 2
     left_right_tolerance: int = 1
     eight_paths: bool = False  # the slower, better variant (HH) instead of three paths
+    # Costs of a step of one plane and of more, per pixel of the block: OpenCV's P1 and P2 are these times its area.
+    small_step: int = 8
+    large_step: int = 32
+    pre_filter: int = 0  # at which the gradient is cut off; OpenCV takes at least 15
 
 
 class SgbmBaseline:
@@ -38,8 +42,9 @@ class SgbmBaseline:
             minDisparity=0,
             numDisparities=s.max_disparity,
             blockSize=s.block_size,
-            P1=8 * s.block_size**2,
-            P2=32 * s.block_size**2,
+            P1=s.small_step * s.block_size**2,
+            P2=s.large_step * s.block_size**2,
+            preFilterCap=s.pre_filter,
             disp12MaxDiff=s.left_right_tolerance,
             uniquenessRatio=s.uniqueness_ratio,
             speckleWindowSize=s.speckle_window,

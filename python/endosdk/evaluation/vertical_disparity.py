@@ -22,8 +22,8 @@ CONTRAST = 0.02
 
 
 @dataclass(frozen=True)
-class RowOffset:
-    """Row disagreement of matching points in px: median and 95th percentile of its size, and how many matches.
+class VerticalDisparity:
+    """Vertical disparity of matching points in px: median and 95th percentile of its size, and how many matches.
 
     Both are None when fewer than `MIN_MATCHES` matches survived: the pair cannot be judged.
     """
@@ -33,7 +33,7 @@ class RowOffset:
     matches: int
 
 
-def vertical_disparity(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> RowOffset:
+def vertical_disparity(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> VerticalDisparity:
     """Match features between two uint8 pictures [H,W] or [H,W,3] (RGB or BGR) and compare their rows.
 
     Takes about a second at 1280x1024. Raises `InvalidArgument` for anything that is no pair of pictures.
@@ -44,7 +44,7 @@ def vertical_disparity(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]
     detector = cv2.SIFT.create(nfeatures=MAX_FEATURES, contrastThreshold=CONTRAST)
     (left_points, left_words), (right_points, right_words) = (detector.detectAndCompute(view, None) for view in views)
     if left_words is None or right_words is None or min(len(left_words), len(right_words)) < MIN_MATCHES:
-        return RowOffset(None, None, 0)
+        return VerticalDisparity(None, None, 0)
     pairs = _mutual_matches(left_words, right_words)
     a = np.array([left_points[i].pt for i, _ in pairs]).reshape(-1, 2)
     b = np.array([right_points[j].pt for _, j in pairs]).reshape(-1, 2)
@@ -53,9 +53,9 @@ def vertical_disparity(left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]
         kept = np.zeros(len(pairs), bool) if inliers is None else inliers.ravel().astype(bool)
         a, b = a[kept], b[kept]
     if len(a) < MIN_MATCHES:
-        return RowOffset(None, None, len(a))
+        return VerticalDisparity(None, None, len(a))
     rows = np.abs(a[:, 1] - b[:, 1])
-    return RowOffset(float(np.median(rows)), float(np.percentile(rows, 95)), len(a))
+    return VerticalDisparity(float(np.median(rows)), float(np.percentile(rows, 95)), len(a))
 
 
 def _gray(name: str, picture: Any) -> npt.NDArray[np.uint8]:

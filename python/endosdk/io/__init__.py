@@ -1,1 +1,1 @@
-"""Pictures, point clouds and serving folders, in and out."""
+"""Files in and out, bounded and whole: documents, pictures, point clouds; and the progress bar."""

@@ -14,12 +14,13 @@ LOCK = ".lock"  # stays behind, empty: removing it would let two processes lock 
 
 @contextmanager
 def locked_folder(folder: Path, argument: str) -> Iterator[None]:
-    """Hold ``folder`` until the block ends, or the process, however it ends.
+    """Hold ``folder``, which is made, until the block ends, or the process, however it ends.
 
     Raises InvalidArgument where another process holds it, StorageFailed where it cannot be written; both name the
     caller's ``argument``.
     """
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
     except OSError as error:
         raise StorageFailed(argument, "the folder must be writable", f"{folder}: {error}") from error

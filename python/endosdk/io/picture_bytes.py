@@ -109,7 +109,7 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
 def _bmp_size(data: bytes) -> tuple[int, int]:
     pixels_at, header, width, height = struct.unpack_from("<10xIIii", data)
     if header < 40:
-        raise Refused("must be a BMP of this century", f"a header of {header} bytes")
+        raise Refused("must be a BMP with a Windows header (40 bytes or more)", f"a header of {header} bytes")
     bits, packing, packed_bytes = struct.unpack_from("<28xHII", data)
     row = (width * bits + 31) // 32 * 4
     needed = row * abs(height) if packing in (0, 3) else packed_bytes

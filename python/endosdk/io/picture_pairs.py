@@ -20,8 +20,8 @@ def pair_pictures(left: Path, right: Path) -> list[tuple[Path, Path]]:
         str(path) for key, path in [*sides[0].items(), *sides[1].items()] if not all(key in s for s in sides)
     )
     if alone:
-        told = ", ".join(alone[:3]) + (f" and {len(alone) - 3} more" if len(alone) > 3 else "")
-        raise InvalidArgument("pictures", "must have the same numbers in their names on both sides", told)
+        names = ", ".join(alone[:3]) + (f" and {len(alone) - 3} more" if len(alone) > 3 else "")
+        raise InvalidArgument("pictures", "must have the same numbers in their names on both sides", names)
     return [(sides[0][key], sides[1][key]) for key in sorted(sides[0])]
 
 

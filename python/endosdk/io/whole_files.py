@@ -83,13 +83,41 @@ def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+@contextmanager
+def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
+    """Yield a name beside ``path`` for what a library writes, file or folder; it becomes ``path`` once it is complete.
+
+    Raises `StorageFailed`, which names the caller's ``argument``.
+    """
+    partial = path.with_name(f"{PARTIAL}{path.name}")
+    try:
+        _remove(partial)
+        yield partial
+        for written in partial.iterdir() if partial.is_dir() else (partial,):
+            _flush(written)
+        partial.rename(path)
+        _flush_folder(path.parent)
+    except OSError as error:
+        raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror or error})") from error
+    finally:
+        _remove(partial)
+
+
 def remove_partials(folder: Path) -> None:
     """Remove what killed processes left in ``folder``. Raises `StorageFailed`."""
     try:
         for left_over in folder.glob(f"{PARTIAL}*"):
-            shutil.rmtree(left_over) if left_over.is_dir() else left_over.unlink()
+            _remove(left_over)
     except OSError as error:
         raise StorageFailed("out", "what killed processes left must be removable", f"{folder}: {error}") from error
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all it holds, where there is one."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _flush(path: Path) -> None:

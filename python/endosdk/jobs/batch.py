@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,25 +18,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument, StorageFailed
+from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument
 from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.documents import parse_json
-from endosdk.io.locks import LOCK, locked_folder
+from endosdk.io.locks import locked_folder
 from endosdk.io.picture_pairs import pair_pictures
-from endosdk.io.pictures import read_frame, write_maps
+from endosdk.io.pictures import read_frame
+from endosdk.io.progress import progress
+from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import remove_partials, whole_folder, write_text
 from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
-from endosdk.jobs.progress import progress
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import DepthResult
+from endosdk.runtime.result_files import write_maps
 
 FORMAT_VERSION = 2
 RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
 RESULT = "result.json"  # of one pair: its numbers, and the SHA-256 of each of its files
 LARGEST_RESULT = 1 << 20  # bytes
-LARGEST_RECORD = 1 << 28  # bytes: the errors of a million pictures that cannot be used
 SHARE = 8  # pairs that a worker is given at a time
 
 
@@ -56,6 +57,7 @@ class Settings:
     calibration: StereoCalibration | None = None  # None: the pairs are rectified, and there is no depth
     network_size: tuple[int, int] | None = None
     provider: str = "cpu"
+    provider_options: Mapping[str, str] | None = None
     threads: int | None = None  # of one worker; the maps do not depend on it
 
 
@@ -83,21 +85,25 @@ def run_batch(
         raise InvalidArgument("provider", "must be cpu on a Ray cluster", settings.provider)
     if settings.model not in shipped_models():
         settings = replace(settings, model=str(Path(settings.model).resolve()))  # workers start in other folders
-    # Here too, before anything is written: a wrong setting is told at once, and all workers must load this very model.
+    # Here too, before anything is written: a wrong setting is refused, and all workers must load this very model.
     model = _opened(settings).model
     described = {
         "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
         "calibration_sha256": None if settings.calibration is None else settings.calibration.sha256,
         "network_size": None if settings.network_size is None else list(settings.network_size),
         "provider": settings.provider,
+        "provider_options": dict(settings.provider_options or {}),
     }
     job = _Job(Path(out).resolve(), settings, model.sha256)
-    try:
-        job.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", f"{job.out}: {error}") from error
+    fresh = {"format_version": FORMAT_VERSION, "settings": described}
     with locked_folder(job.out, "out"):
-        _claim(job.out, described)
+        claim_folder(
+            job.out,
+            RECORD,
+            fresh,
+            lambda begun: {name: begun.get(name) for name in fresh} == fresh,
+            "must be new, or hold a batch of the same model, rig and size, by the same provider and this version",
+        )
         missing = [pair for pair in pairs if not job.folder(pair).is_dir()]
         for pair in set(pairs).difference(missing):
             _check_finished(job.folder(pair))
@@ -152,36 +158,6 @@ class _Job:
         return self.out / PAIRS / pair.name
 
 
-def _claim(out: Path, described: dict[str, Any]) -> None:
-    """Note the settings in a new folder, or check that the folder was begun with the same ones."""
-    try:
-        if (out / RECORD).exists():
-            if _begun(out / RECORD) != described:
-                raise InvalidArgument(
-                    "out", "must be new, or hold a batch of the same model, rig and size, by the same provider", out
-                )
-        elif any(path.name != LOCK for path in out.iterdir()):
-            raise InvalidArgument("out", "must be an empty or new folder, or a batch begun by this command", out)
-        else:
-            begun = {"format_version": FORMAT_VERSION, "settings": described}
-            write_text(out / RECORD, json.dumps(begun, indent=1) + "\n", "out")
-        (out / PAIRS).mkdir(exist_ok=True)
-        remove_partials(out)
-    except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
-
-
-def _begun(path: Path) -> Any:
-    """Return the settings of a batch. Raises InvalidArgument where the file is none of this version."""
-    try:
-        record = parse_json(read_bounded(path, LARGEST_RECORD).decode())
-        if record["format_version"] == FORMAT_VERSION:
-            return record["settings"]
-    except (Refused, ValueError, KeyError, TypeError):
-        pass
-    raise InvalidArgument("out", f"{RECORD} must be what this version wrote", path)
-
-
 def _compute(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> dict[str, str]:
     """Compute the missing pairs; return the errors of those whose pictures cannot be used, by name."""
     errors: dict[str, str] = {}
@@ -216,13 +192,15 @@ _estimators: dict[tuple[object, ...], DepthEstimator] = {}
 
 def _opened(settings: Settings) -> DepthEstimator:
     rig = settings.calibration
-    key = (settings.model, rig and rig.sha256, settings.network_size, settings.provider, settings.threads)
+    options = tuple(sorted((settings.provider_options or {}).items()))
+    key = (settings.model, rig and rig.sha256, settings.network_size, settings.provider, options, settings.threads)
     if key not in _estimators:
         _estimators.clear()
         _estimators[key] = DepthEstimator(
             settings.model,
             calibration=rig,
             provider=settings.provider,
+            provider_options=settings.provider_options,
             threads=settings.threads,
             network_size=settings.network_size,
         )
@@ -233,7 +211,7 @@ def _answer_all(job: _Job, pairs: list[PairFiles]) -> dict[str, str | None]:
     """Answer some pairs; return the error of each, None where there was none."""
     estimator = _opened(job.settings)
     if estimator.model.sha256 != job.model_sha256:
-        # A processor without instructions for 8-bit integers gets the model's twin in floats.
+        # A processor without instructions for 8-bit integers gets the float32 model.
         rule = "every machine of the cluster must load the same; name a model in floats"
         raise InvalidArgument("model", rule, f"{estimator.model.name} on one of them")
     # A pair may be there already: of a worker that was killed before it had done its share.
@@ -253,14 +231,14 @@ def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None
 
 def _described(pair: PairFiles, result: DepthResult) -> dict[str, Any]:
     geometry = result.geometry
-    answered = result.reasons == 0
+    valid = result.reasons == 0
     return {
         "left": pair.left.name,
         "right": pair.right.name,
         "status": result.status.name,
         "valid_share": round(result.valid_share, 4),
-        "median_disparity_px": _median(result.disparity[answered]),
-        "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[answered]),
+        "median_disparity_px": _median(result.disparity[valid]),
+        "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[valid]),
         "geometry": None
         if geometry is None
         else {name: getattr(geometry, name) for name in ("focal_px", "baseline_mm", "cx", "cy", "doffs")},

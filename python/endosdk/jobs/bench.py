@@ -7,6 +7,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +21,8 @@ from endosdk.datasets.samples import RawPair, sample_pairs
 from endosdk.errors import InferenceFailed, InvalidArgument
 from endosdk.evaluation.metrics import end_point_error
 from endosdk.evaluation.sgbm import SgbmBaseline, fill_holes
+from endosdk.io.progress import progress
 from endosdk.jobs.machine import machine_record
-from endosdk.jobs.progress import progress
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.rectify import rectified
 
@@ -32,9 +34,13 @@ BROKEN_SHARE = 0.25
 
 STAGES = ("rectify", "session", "postprocess")
 
-# Rivals take turns, so that other load on the machine hits all of them.
+# Methods take turns, so that other load on the machine hits all of them.
 TURNS = 5
-RIVAL_FRAMES = 100  # at most: their spread is small, and they need not double the waiting time
+OTHER_FRAMES = 100  # at most: their spread is small, and they need not double the waiting time
+
+# A stream is timed from one answer to a later one. Over fewer frames for each one in flight, the rate would be that of
+# answers which were ready before the clock started.
+STREAM_FRAMES = 5
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,8 @@ class BenchSettings:
     warmup: int
     provider: str
     against: str | None
+    provider_options: Mapping[str, str] | None = None
+    load: int = 0  # processes that burden the cores while frames are timed
 
 
 def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
@@ -57,9 +65,11 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
     ``window`` is the part of the shipped pairs, (x, y, width, height) in px, that was resized to ``size``: the frames
     of another rig, with whose rectified truth ``epe_px`` is measured.
     """
-    for name, value in (("frames", settings.frames), ("warmup", settings.warmup)):
-        if value < 1:
-            raise InvalidArgument(name, "must be at least 1", value)
+    if settings.warmup < 1:
+        raise InvalidArgument("warmup", "must be at least 1", settings.warmup)
+    fewest = TURNS * STREAM_FRAMES * settings.threads
+    if settings.frames < fewest:
+        raise InvalidArgument("frames", f"must be at least {fewest} for {settings.threads} threads", settings.frames)
     shipped = sample_pairs()
     pairs = [pair.resized(*settings.size) for pair in shipped]
     # All shipped pairs come from one rig, so one estimator serves them all.
@@ -67,12 +77,14 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         settings.model,
         calibration=pairs[0].calibration,
         provider=settings.provider,
+        provider_options=settings.provider_options,
         threads=settings.threads,
         network_size=settings.network_size,
     )
     epe = _checked_error(estimator, pairs)
     sgbm = _Sgbm(pairs, settings) if settings.against == "sgbm" else None
-    frames, streamed = _time_in_turns(estimator, sgbm, pairs, settings)
+    with burdened(settings.load):
+        frames, streamed = _time_in_turns(estimator, sgbm, pairs, settings)
     total = [frame[0] for frame in frames]
     startup, memory = _fresh_process(settings, pairs[0].calibration)
     return {
@@ -86,7 +98,9 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
         "window": list(shipped[0].window(*settings.size)),
         "network_size": [estimator.diagnostics()[f"network_{side}"] for side in ("width", "height")],
         "provider": estimator.diagnostics()["provider"],
+        "provider_options": estimator.diagnostics()["provider_options"],
         "frames": settings.frames,
+        "load": settings.load,
         "epe_px": epe,
         "fps": 1000 / float(np.mean(total)),
         "stream_fps": streamed,
@@ -101,6 +115,20 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
     }
 
 
+@contextmanager
+def burdened(processes: int) -> Iterator[None]:
+    """Keep so many other processes busy meanwhile, each with a core if it gets one."""
+    if processes < 0:
+        raise InvalidArgument("load", "must be at least 0", processes)
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
 def _command(settings: BenchSettings) -> str:
     """Return the command that measures the same again; of a file only its name: no private paths."""
     size, network = ("x".join(map(str, pair)) if pair else None for pair in (settings.size, settings.network_size))
@@ -108,6 +136,9 @@ def _command(settings: BenchSettings) -> str:
     words += ["--network-size", network] if network else []
     for name in ("threads", "frames", "warmup", "provider"):
         words += [f"--{name}", str(getattr(settings, name))]
+    words += ["--load", str(settings.load)] if settings.load else []
+    for key, value in (settings.provider_options or {}).items():
+        words += ["--provider-option", f"{key}={value}"]
     return " ".join([*words, "--against", settings.against or "none"])
 
 
@@ -131,14 +162,13 @@ def _time_in_turns(
     stream_seconds, streamed = 0.0, 0
     for turn in progress(range(TURNS), unit="turn"):
         first, end = settings.frames * turn // TURNS, settings.frames * (turn + 1) // TURNS
-        if first == end:
-            continue
         frames += _time_frames(estimator, pairs, settings.warmup, end - first)
-        count = min(end - first, RIVAL_FRAMES // TURNS)
+        others = min(end - first, OTHER_FRAMES // TURNS)
+        count = max(others, STREAM_FRAMES * settings.threads)
         stream_seconds += _time_stream(estimator, pairs, settings.warmup, count)
         streamed += count
         if sgbm is not None:
-            sgbm.time(settings.warmup, count)
+            sgbm.time(settings.warmup, others)
     return frames, streamed / stream_seconds
 
 
@@ -176,7 +206,8 @@ def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[flo
         "rig = endosdk.StereoCalibration.load(sys.argv[3])\n"
         f"frame = numpy.zeros(({height}, {width}, 3), numpy.uint8)\n"
         "estimator = endosdk.DepthEstimator(sys.argv[1], calibration=rig, provider=sys.argv[2], "
-        f"threads={settings.threads}, network_size={settings.network_size})\n"
+        f"threads={settings.threads}, network_size={settings.network_size}, "
+        f"provider_options={dict(settings.provider_options or {})})\n"
         "estimator.predict(frame, frame)\n"
         "import resource\n"
         "print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
@@ -38,7 +39,8 @@ def work_apart(
     # Each process starts afresh: neither an OpenGL context nor the threads of a runtime survive a fork.
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_obey_the_parent, initargs=(closing,)) as pool:
-        futures = [pool.submit(function, task) for task in tasks]
+        with _interrupts_held():
+            futures = [pool.submit(function, task) for task in tasks]
         try:
             for future in as_completed(futures):
                 yield future.result()
@@ -46,6 +48,19 @@ def work_apart(
             raise WorkerKilled(str(error)) from error
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold control-C back from this thread, and from the processes started meanwhile until they can answer it."""
+    if sys.platform == "win32":  # has no such mask
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _obey_the_parent(closing: Callable[[], None] | None) -> None:
@@ -58,6 +73,8 @@ def _obey_the_parent(closing: Callable[[], None] | None) -> None:
         os._exit(1)
 
     signal.signal(signal.SIGINT, end_now)
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back since before this process began
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
 

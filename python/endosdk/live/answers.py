@@ -11,11 +11,12 @@ from endosdk.runtime.result import DepthResult
 
 
 def answers(
-    estimator: DepthEstimator, frames: Iterable[Frame], *, reuse: bool = False
+    estimator: DepthEstimator, frames: Iterable[Frame], *, reuse: bool = False, temporal: bool = False
 ) -> Iterator[tuple[Frame, DepthResult]]:
     """Yield (frame, result) for every frame, in order, as `DepthEstimator.stream` computes them.
 
-    The frame carries number, time stamp, tag and both views. ``reuse`` is that of `stream`.
+    The frame carries number, time stamp, tag and both views. ``reuse`` and ``temporal`` are those of
+    `stream`.
     """
     drawn: deque[Frame] = deque()
 
@@ -24,5 +25,5 @@ def answers(
             drawn.append(frame)
             yield frame.left, frame.right
 
-    for result in estimator.stream(pairs(), reuse=reuse):
+    for result in estimator.stream(pairs(), reuse=reuse, temporal=temporal):
         yield drawn.popleft(), result

@@ -7,6 +7,7 @@
 Pixels are (x, y) of the result's maps: those of the rectified left view, (0, 0) at the centre of the first pixel.
 """
 
+from endosdk.measure.areas import Area, area
 from endosdk.measure.geometry import (
     points_in_raw_left_camera,
     q_matrix,
@@ -15,7 +16,6 @@ from endosdk.measure.geometry import (
     valid_region,
 )
 from endosdk.measure.lengths import Measured, Point, distance, path_length, point_at
-from endosdk.measure.surfaces import Area, area
 
 __all__ = [
     "Area",

@@ -1,1 +1,1 @@
-"""The frame path's Python face: model, session, estimator, result."""
+"""The frame path's Python face: model, session, estimator, result, and what a result is written or handed to."""

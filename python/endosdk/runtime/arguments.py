@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument
 
-Frame = npt.NDArray[np.uint8]
+Picture = npt.NDArray[np.uint8]
 
 CHANNEL_ORDERS = ("rgb", "bgr")
 
@@ -28,6 +28,15 @@ def check_number(name: str, value: Any, rule: str) -> float:
     if not _is_number(value):
         raise InvalidArgument(name, rule, repr(value))
     return float(value)
+
+
+def check_stamp(stamp_ns: Any) -> int:
+    """Return when a pair was taken, 0 where nobody said."""
+    if stamp_ns is None:
+        return 0
+    if isinstance(stamp_ns, bool) or not isinstance(stamp_ns, int | np.integer) or not 0 < stamp_ns < 2**63:
+        raise InvalidArgument("stamp_ns", "must be a whole number of nanoseconds, above 0", repr(stamp_ns))
+    return int(stamp_ns)
 
 
 def check_range(depth_range_mm: Any) -> tuple[float, float]:
@@ -55,12 +64,12 @@ def check_threads(threads: Any) -> int:
     return _whole("threads", threads, rule, threads)
 
 
-def check_pair(left: object, right: object) -> tuple[Frame, Frame]:
+def check_pair(left: object, right: object) -> tuple[Picture, Picture]:
     """Return both frames as arrays the core accepts; refuse what is no uint8 picture."""
     return _check_frame("left", left), _check_frame("right", right)
 
 
-def _check_frame(name: str, frame: object) -> Frame:
+def _check_frame(name: str, frame: object) -> Picture:
     if not isinstance(frame, np.ndarray):
         raise InvalidArgument(name, "must be a NumPy array", type(frame).__name__)
     if frame.dtype != np.uint8:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,19 +14,21 @@ from endosdk import _core
 from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
 from endosdk.errors import CalibrationRequired, InvalidArgument
 from endosdk.runtime.arguments import (
-    Frame,
+    Picture,
     check_number,
     check_order,
     check_pair,
     check_range,
     check_size,
+    check_stamp,
     check_threads,
 )
 from endosdk.runtime.maps import Maps
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.result import DepthResult, Timings
-from endosdk.runtime.session import StereoSession, provider_name
+from endosdk.runtime.rig_error import rig_error
+from endosdk.runtime.session import StereoSession, checked_options, provider_name
 from endosdk.runtime.stream import Feeder, drawn_from
 
 # Lines about single frames are for hosts that set logging up; they must not fill a terminal unasked.
@@ -43,18 +45,25 @@ class DepthEstimator:
         calibration: the rig. Raw frames are then rectified inside and metric outputs are available; without it the
             frames must already be rectified and only disparity is returned.
         provider: ``cpu``, ``cuda``, ``tensorrt``, ``openvino``, ``directml``, ``coreml``, ``xnnpack``, ``webgpu`` or
-            the full name of an onnxruntime provider. One that is missing is an error; nothing falls back.
+            the full name of an onnxruntime provider. One that is missing is an error; nothing falls back. Every one but
+            ``cpu`` compiles the model once per frame size, and once when the estimator is made; the latest four sizes
+            are kept.
+        provider_options: settings of the provider, such as ``{"device_id": 1}``: see its own page. Passed on as
+            texts, unchanged; what the provider refuses is a `ProviderUnavailable`.
         threads: processor threads for every stage, 1 to 256; default is the number of cores this process may use, but
             at most 8.
         channel_order: ``rgb`` or ``bgr``, the order of colour frames. Gray frames need none.
         network_size: (width, height) the network works at, px; smaller is faster and widens the range of disparities in
-            px of the frame. Default: at most as wide as the model's ``inference_width``. For a model that names
-            none: the size of the frames up to a width of 960, and 720 px wide for wider frames, whose disparities
-            would lie beyond the range. All outputs keep the size of the frame.
-        min_confidence: below it a pixel has no answer, 0..1. With 0 every pixel counts as trusted, those of a covered
-            camera too: `Status` then tells nothing.
+            px of the frame. Default: as wide as the model's ``inference_width``, narrower frames enlarged. For a model
+            that names none: the size of the frames up to a width of 960, and 720 px wide for wider frames, whose
+            disparities would lie beyond the range. All outputs keep the size of the frame.
+        min_confidence: below it a pixel has no answer, 0..1.
         depth_range_mm: (nearest, farthest) depth that counts as an answer; needs a calibration.
         deadline_ms: a frame that takes longer, waiting for others included, is marked ``late``; 0: none is.
+        max_age_ms: a pair that was taken longer ago, by the ``stamp_ns`` given with it, is `Cause.STALE`; every pair
+            must then have a stamp. 0: none is.
+        runtime_sha256: the hash that the file of ONNX Runtime must have, checked before anything of it runs, as
+            ``diagnostics()["onnxruntime_sha256"]`` states it; None: any.
         spinning: let waiting threads of the network poll; False saves power and costs some latency.
 
     `predict` answers one pair with the least delay, `stream` a sequence of them at the highest rate. Both may be called
@@ -70,12 +79,15 @@ class DepthEstimator:
         *,
         calibration: StereoCalibration | None = None,
         provider: str = "cpu",
+        provider_options: Mapping[str, str | int] | None = None,
         threads: int | None = None,
         channel_order: str = "rgb",
         network_size: tuple[int, int] | None = None,
-        min_confidence: float = 0.3,
+        min_confidence: float = 0.5,
         depth_range_mm: tuple[float, float] = (0.0, math.inf),
         deadline_ms: float = 0.0,
+        max_age_ms: float = 0.0,
+        runtime_sha256: str | None = None,
         spinning: bool = True,
     ) -> None:
         if calibration is not None and not isinstance(calibration, StereoCalibration):
@@ -87,12 +99,21 @@ class DepthEstimator:
             check_number("min_confidence", min_confidence, "must be a number in 0..1"),
             check_range(depth_range_mm),
             check_number("deadline_ms", deadline_ms, "must be finite and not negative"),
+            check_number("max_age_ms", max_age_ms, "must be finite and not negative"),
         )
         if calibration is None and tuple(depth_range_mm) != (0.0, math.inf):
             raise CalibrationRequired("depth_range_mm", _core.calibration_rule, "no calibration")
         provider = provider_name(provider)
+        options = checked_options(provider, provider_options)
         file = read_model(model, integer_units=not _core.wants_float32_model(provider))
-        session = StereoSession(file, provider=provider, threads=settings.threads, spinning=spinning)
+        session = StereoSession(
+            file,
+            provider=provider,
+            provider_options=options,
+            threads=settings.threads,
+            spinning=spinning,
+            runtime_sha256=runtime_sha256,
+        )
         self._info = session.info
         self._path = _core.FramePath(session, settings)
         self._calibration = calibration
@@ -128,20 +149,28 @@ class DepthEstimator:
         """Focal length, principal point and baseline of the rectified pair."""
         return self._geometry
 
+    def largest_disparity(self, width: int, height: int) -> float | None:
+        """Disparity, px of frames of this size, at the near end of what the network finds; beyond is out of range.
+
+        None where the model does not state its range.
+        """
+        return _number_or_none(self._path.largest_disparity(width, height))
+
     @property
     def nearest_depth_mm(self) -> float | None:
         """Depth of a surface at the near end of what the network finds; nearer ones are out of range.
 
         None without a calibration, or where the model does not state its range.
         """
-        nearest = self._path.nearest_depth_mm()
-        return None if math.isnan(nearest) else nearest
+        return _number_or_none(self._path.nearest_depth_mm())
 
     def prepare(self, width: int, height: int) -> None:
         """Reserve what frames of this size need and run once, so that the first real frame is as fast as the others."""
         self._path.prepare(width, height)
 
-    def predict(self, left: Any, right: Any, *, out: DepthResult | None = None) -> DepthResult:
+    def predict(
+        self, left: Any, right: Any, *, out: DepthResult | None = None, stamp_ns: int | None = None
+    ) -> DepthResult:
         """Estimate depth for one pair.
 
         Args:
@@ -149,6 +178,7 @@ class DepthEstimator:
             right: the same shape as left.
             out: an earlier result of this estimator whose maps are overwritten and returned in a new result, so that
                 no memory is allocated; by default every result has maps of its own.
+            stamp_ns: when the pair was taken, by the clock of ``time.monotonic_ns()``; the result says how old it is.
 
         Raises:
             InvalidArgument: a frame is no uint8 picture, or the two differ in shape.
@@ -157,10 +187,15 @@ class DepthEstimator:
         """
         left, right = check_pair(left, right)
         maps = self._maps(out, left.shape)
-        return self._result(self._path.predict(left, right, maps), maps)
+        return self._result(self._path.predict(left, right, maps, check_stamp(stamp_ns)), maps)
 
     def stream(
-        self, source: Iterable[tuple[Any, Any]] | Callable[[], tuple[Any, Any] | None], *, reuse: bool = False
+        self,
+        source: Iterable[tuple[Any, ...]] | Callable[[], tuple[Any, ...] | None],
+        *,
+        reuse: bool = False,
+        temporal: bool = False,
+        follow_rig: bool = False,
     ) -> Iterator[DepthResult]:
         """Estimate depth for every (left, right) of ``source``, in order and with the answers of `predict`.
 
@@ -170,9 +205,15 @@ class DepthEstimator:
 
         Args:
             source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
-                frame may be overwritten once the next one is asked for.
+                frame may be overwritten once the next one is asked for. A third item is the pair's ``stamp_ns``.
             reuse: write all results into a fixed ring of maps, so that no memory is allocated per frame; each result is
                 then good until the next one is drawn.
+            temporal: draw each frame's disparity towards that of the frame before, moved to where its surfaces are now
+                and only where both pictures agree. What stands still then flickers less; see ``docs/live.md``.
+            follow_rig: correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for
+                certain that the right camera has turned against the calibration. The log ``endosdk`` says so, and
+                each result's ``rig.corrected_deg`` says by how much. Needs a calibration. Answers then depend on the
+                frames before.
 
         An error in ``source`` or in a frame is raised in its turn, after the results of the frames before it; it ends
         the stream and leaves the estimator usable. Leaving the loop, or closing the iterator, ends the stream too: what
@@ -181,15 +222,19 @@ class DepthEstimator:
         Raises:
             InvalidArgument: ``source`` is neither, or its frames are no pairs of one size.
         """
+        if follow_rig and self._geometry is None:
+            raise CalibrationRequired("follow_rig", _core.calibration_rule, "no calibration")
         if callable(source):
-            return self._stream(drawn_from(source), reuse)
+            return self._stream(drawn_from(source), reuse, temporal, follow_rig)
         if not isinstance(source, Iterable):
             raise InvalidArgument(
                 "source", "must yield pairs, or be a function that returns them", type(source).__name__
             )
-        return self._stream(iter(source), reuse)
+        return self._stream(iter(source), reuse, temporal, follow_rig)
 
-    def _stream(self, pairs: Iterator[tuple[Any, Any]], reuse: bool) -> Iterator[DepthResult]:
+    def _stream(
+        self, pairs: Iterator[tuple[Any, ...]], reuse: bool, temporal: bool, follow_rig: bool
+    ) -> Iterator[DepthResult]:
         ring: list[Maps] = []  # one more than frames in flight: the consumer holds a result too
 
         def maps_for(number: int, stream: _core.Stream, size: tuple[int, int]) -> Maps:
@@ -199,10 +244,16 @@ class DepthEstimator:
                 ring.extend(self._new_maps(*size) for _ in range(stream.lanes + 1))
             return ring[number % len(ring)]
 
-        for report, maps in Feeder(pairs, self._path.stream, maps_for).answers():
+        def opened(width: int, height: int) -> _core.Stream:
+            stream = self._path.stream(width, height, temporal)
+            if follow_rig:
+                stream.follow_rig()
+            return stream
+
+        for report, maps in Feeder(pairs, opened, maps_for).answers():
             yield self._result(report, maps)
 
-    def rectify(self, left: Any, right: Any) -> tuple[Frame, Frame]:
+    def rectify(self, left: Any, right: Any) -> tuple[Picture, Picture]:
         """Return a pair's rectified pictures at the size of the frame: RGB uint8 [H, W, 3] each.
 
         Every map of the pair's result lies over the left one. Frames as `predict` takes them; what the network is shown
@@ -210,7 +261,7 @@ class DepthEstimator:
         """
         return self._path.rectify(*check_pair(left, right))
 
-    def rectified_pair(self) -> tuple[Frame, Frame]:
+    def rectified_pair(self) -> tuple[Picture, Picture]:
         """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each.
 
         The right view of a rectified rig with positive doffs lies doffs further left than it came, here and in
@@ -232,7 +283,7 @@ class DepthEstimator:
         return {"endosdk": _core.version, **report}
 
     def _new_maps(self, width: int, height: int) -> Maps:
-        return Maps.allocate(width, height, metric=self._geometry is not None)
+        return Maps.allocate(width, height, calibrated=self._geometry is not None)
 
     def _maps(self, out: DepthResult | None, shape: tuple[int, ...]) -> Maps:
         """Return the maps of an earlier result, or new ones."""
@@ -246,24 +297,30 @@ class DepthEstimator:
         if (out.depth_map is None) != (self._geometry is None):
             has = "with" if self._geometry is not None else "without"
             raise InvalidArgument("out", f"must be of an estimator {has} a calibration, as this one", "the other kind")
-        maps = Maps(out.disparity, out.confidence, out.reasons, out.depth_map, out.sigma_map)
+        maps = out.maps
         if not maps.writeable:
             raise InvalidArgument("out", "must have maps that can be written", "read-only maps")
         return maps
 
     def _result(self, report: _core.FrameReport, maps: Maps) -> DepthResult:
         return DepthResult(
-            disparity=maps.disparity,
-            confidence=maps.confidence,
-            reasons=maps.reasons,
+            maps=maps,
             status=report.status,
+            causes=report.causes,
+            measures=report.measures,
             valid_share=report.valid_share,
+            rig=rig_error(report, self._geometry is not None),
             timings=Timings(report.rectify_ms, report.session_ms, report.postprocess_ms),
             late=report.late,
             frame=report.frame,
             model=self._info,
             geometry=self._geometry,
             calibration_sha256=None if self._calibration is None else self._calibration.sha256,
-            depth_map=maps.depth,
-            sigma_map=maps.sigma,
+            identity=report.identity,
+            stamp_ns=report.stamp_ns or None,
+            age_ms=_number_or_none(report.age_ms),
         )
+
+
+def _number_or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value

@@ -14,7 +14,6 @@ from typing import Any
 from endosdk import _core
 from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
 from endosdk.io.bounded_read import is_there
-from endosdk.runtime.seal import check_seal
 
 PREFIX = "endosdk."
 
@@ -38,7 +37,7 @@ class ModelInfo:
     output_stride: int  # the output grid is the input grid divided by this
     max_disparity: int  # px at the input width; larger disparities cannot be found
     max_candidate_disparity: int | None  # the largest disparity the network considers, px; None: not stated
-    inference_width: int | None  # px; wider frames are seen at this width unless the caller sets a size; None: any
+    inference_width: int | None  # px; frames are seen at this width unless the caller sets a size; None: any
     upsampling: str  # how disparity comes to the input's grid; what the network was trained through
     channel_order: str
     license: str
@@ -62,8 +61,8 @@ def shipped_weights() -> dict[str, Path]:
 def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> ModelFile:
     """Read a model given by shipped name, path or content.
 
-    A shipped model is checked against its recorded SHA-256, any other against its seal (`endosdk.runtime.seal`). One
-    without a seal is taken with a warning in the log ``endosdk``. Hash and content are of the very bytes returned.
+    A shipped model is checked against its recorded SHA-256, any other against the seal inside it. One without a seal is
+    taken with a warning in the log ``endosdk``. Hash and content are of the very bytes returned.
     Without ``integer_units``, a shipped model of 8-bit integers gives way to its float32 model, with a warning in the
     log ``endosdk``; paths and bytes are always taken as they are.
     """
@@ -94,7 +93,7 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
 
 def _unpinned(data: bytes, origin: str) -> ModelFile:
     """Return a model whose hash nobody has stated; only its seal can tell that it is whole."""
-    if not check_seal(data, origin):
+    if not _core.check_seal(data, origin):
         logging.getLogger("endosdk").warning(
             "%s carries no seal: damage to its weights would not be noticed; export it with this release", origin
         )

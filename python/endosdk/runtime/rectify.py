@@ -6,10 +6,10 @@ from typing import Any
 
 from endosdk import _core
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.runtime.arguments import Frame, check_pair
+from endosdk.runtime.arguments import Picture, check_pair
 
 
-def rectified(left: Frame, right: Frame, calibration: StereoCalibration) -> tuple[Frame, Frame]:
+def rectified(left: Picture, right: Picture, calibration: StereoCalibration) -> tuple[Picture, Picture]:
     """Return the rectified views at the size of the frames, RGB uint8 [H, W, 3], as `DepthEstimator.rectify`."""
     return _core.rectified_views(*check_pair(left, right), rig_numbers(calibration))
 

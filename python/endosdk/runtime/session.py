@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import importlib.metadata
 import warnings
+from collections import Counter, defaultdict
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,22 +22,24 @@ from endosdk.errors import (
     RuntimeConflict,
     RuntimeMissing,
 )
-from endosdk.runtime import telemetry
+from endosdk.runtime import runtime_file, telemetry
 from endosdk.runtime.models import ModelFile, ModelInfo, parse_metadata
 
 Picture = npt.NDArray[np.uint8]
 Map = npt.NDArray[np.float32]
 
+# The packages that bring onnxruntime, by what they compute on.
+RUNTIMES = ("onnxruntime", "onnxruntime-gpu", "onnxruntime-openvino", "onnxruntime-webgpu", "onnxruntime-directml")
 
-def load_runtime() -> Any:
-    """Import onnxruntime with its telemetry off, or say which extra is missing or in conflict."""
-    installed = [name for name in ("onnxruntime", "onnxruntime-gpu") if _is_installed(name)]
-    if len(installed) == 2:
-        raise RuntimeConflict(
-            "onnxruntime",
-            "only one runtime may be installed: uninstall both, then install endosdk[cpu] or endosdk[gpu]",
-            " and ".join(installed),
-        )
+
+def load_runtime(sha256: str | None = None) -> Any:
+    """Import onnxruntime with its telemetry off, or say which extra is missing or in conflict.
+
+    With ``sha256``, only where its file has this hash.
+    """
+    _check_for_conflict()
+    if sha256 is not None:
+        runtime_file.check_pin(sha256)
     telemetry.disable()
     try:
         import onnxruntime
@@ -52,7 +57,7 @@ def load_runtime() -> Any:
     return onnxruntime
 
 
-class Run:
+class BoundRun:
     """A model tied to the memory that it reads and writes."""
 
     def __init__(self, session: StereoSession, binding: Any, options: Any) -> None:
@@ -88,24 +93,79 @@ class Buffers:
 
 
 class StereoSession:
-    """One loaded model and the call that runs it; runs on different memory may overlap."""
+    """One loaded model and the call that runs it; runs on different memory may overlap.
 
-    def __init__(self, model: ModelFile, *, provider: str = "cpu", threads: int = 0, spinning: bool = True) -> None:
-        self._runtime = load_runtime()
-        self._model, self._threads = model, threads
+    On an accelerator the model is compiled for one size of input: `for_size` makes the session that runs, and this one
+    only reads what the model says of itself, on the processor.
+    """
+
+    def __init__(
+        self,
+        model: ModelFile,
+        *,
+        provider: str = "cpu",
+        provider_options: Mapping[str, str | int] | None = None,
+        threads: int = 0,
+        spinning: bool = True,
+        runtime_sha256: str | None = None,
+    ) -> None:
+        self._runtime = load_runtime(runtime_sha256)
+        self._model, self._threads, self._spinning = model, threads, spinning
         self.runtime_version: str = self._runtime.__version__
+        file = runtime_file.runtime_file()
+        self.runtime_library = "" if file is None else str(file)
+        self.runtime_sha256 = "" if file is None else runtime_file.sha256_of(file)
+        self.provider_options = checked_options(provider, provider_options)
         self.provider = _installed(provider_name(provider), self._runtime.get_available_providers())
         _core.check_weights_are_inside(model.data, model.origin)
-        options = _session_options(self._runtime, self.provider, threads, spinning)
+        options = _session_options(self._runtime, threads, spinning)
+        self._is_reader = self.provider != _core.cpu_provider
+        if self._is_reader:
+            options.intra_op_num_threads = 1
+            options.graph_optimization_level = self._runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
         try:
-            self._session = self._runtime.InferenceSession(model.data, options, providers=[self.provider])
+            self._session = self._runtime.InferenceSession(model.data, options, providers=[_core.cpu_provider])
         except Exception as error:  # the runtime has its own exception types, one per status code, with no common base
             raise ModelUnreadable("model", f"{model.origin} must be an ONNX file that runs here", error) from error
-        used = self._session.get_providers()
-        if used[0] != self.provider:
-            raise ProviderUnavailable("provider", f"{self.provider} must start on this machine", ", ".join(used))
         self.info: ModelInfo = parse_metadata(self.metadata, model.sha256)
         _check_interface(self._session)
+
+    def for_size(self, height: int, width: int) -> StereoSession | None:
+        """Return a session for inputs of exactly this size, px; None where this one takes any.
+
+        Raises ProviderUnavailable where the provider does not start, does not know an option, or leaves more of the
+        model to the processor than the arithmetic of shapes.
+        """
+        if not self._is_reader:
+            return None
+        sized = copy.copy(self)
+        sized._is_reader = False
+        sized._session = self._compiled(height, width)
+        return sized
+
+    def _compiled(self, height: int, width: int) -> Any:
+        options = _session_options(self._runtime, self._threads, self._spinning)
+        # A graph whose sides are known holds no arithmetic of shapes, which the runtime would leave to the processor.
+        for shape in self.input_shapes.values():
+            for side, length in zip(shape, (1, 3, height, width), strict=True):
+                if isinstance(side, str):
+                    options.add_free_dimension_override_by_name(side, length)
+        options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
+        rule = f"{self.provider} must start on this machine"
+        try:
+            session = self._runtime.InferenceSession(
+                self._model.data, options, providers=[(self.provider, self.provider_options)], enable_fallback=0
+            )
+        except Exception as error:  # as above: no common base class to catch
+            raise ProviderUnavailable("provider", rule, error) from error
+        if session.get_providers()[0] != self.provider:
+            raise ProviderUnavailable("provider", rule, ", ".join(session.get_providers()))
+        _core.check_placement(self.provider, _placement(session))
+        return session
+
+    def placement(self) -> dict[str, dict[str, int]]:
+        """Return how many operations of each kind run on each provider; of a session for one size."""
+        return _placement(self._session)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -122,14 +182,16 @@ class StereoSession:
         """Whether the host imported onnxruntime before its telemetry could be switched off."""
         return telemetry.started_by_host()
 
-    def bind(self, left: Picture, right: Picture, disparity: Map, confidence: Map) -> Run:
+    def bind(self, left: Picture, right: Picture, disparity: Map, confidence: Map) -> BoundRun:
         """Tie the model to memory, which must outlive it: uint8 [3, H, W] twice, float32 [h, w] twice."""
+        if (sized := self.for_size(*left.shape[1:])) is not None:
+            return sized.bind(left, right, disparity, confidence)
         binding = self._session.io_binding()
         for name, array in (("left", left), ("right", right)):
             binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
         for name, output in (("disparity", disparity), ("confidence", confidence)):
             binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
-        return Run(self, binding, self._runtime.RunOptions())
+        return BoundRun(self, binding, self._runtime.RunOptions())
 
     def buffers(self, height: int, width: int) -> Buffers:
         """Allocate and bind memory for inputs of this size, px; both must be multiples of ``input_multiple``."""
@@ -172,12 +234,40 @@ def padded(size: int, multiple: int) -> int:
     return -(-size // multiple) * multiple
 
 
-def _is_installed(distribution: str) -> bool:
-    try:
-        importlib.metadata.distribution(distribution)
-    except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
+def _check_for_conflict() -> None:
+    """Refuse two runtimes in one folder: all unpack into the same files."""
+    found = defaultdict(list)
+    for name in RUNTIMES:
+        try:
+            found[importlib.metadata.distribution(name).locate_file("onnxruntime")].append(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    for names in found.values():
+        if len(names) > 1:
+            rule = "only one runtime may be installed: uninstall all, then install one"
+            raise RuntimeConflict("onnxruntime", rule, " and ".join(names))
+
+
+def checked_options(provider: str, options: Mapping[str, str | int] | None) -> dict[str, str]:
+    """Return the options of a provider as texts; numbers are written out."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise InvalidArgument("provider_options", "must map keys to texts", type(options).__name__)
+    for key, value in options.items():
+        if not isinstance(key, str) or not isinstance(value, str | int):
+            raise InvalidArgument("provider_options", "must map texts to texts or whole numbers", f"{key!r}: {value!r}")
+    texts = {key: str(value) for key, value in options.items()}
+    _core.check_provider_options(provider, list(texts.items()))
+    return texts
+
+
+def _placement(session: Any) -> dict[str, dict[str, int]]:
+    """Return how many operations of each kind run on each provider."""
+    placement: dict[str, Counter[str]] = defaultdict(Counter)
+    for part in session.get_provider_graph_assignment_info():
+        placement[part.ep_name].update(node.op_type for node in part.get_nodes())
+    return {provider: dict(operations) for provider, operations in placement.items()}
 
 
 def provider_name(provider: str) -> str:
@@ -195,16 +285,13 @@ def _installed(name: str, available: list[str]) -> str:
     return name
 
 
-def _session_options(runtime: Any, provider: str, threads: int, spinning: bool) -> Any:
+def _session_options(runtime: Any, threads: int, spinning: bool) -> Any:
     options = runtime.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if spinning else "0")
     # Waiting threads must not burn the cores that rectification and post-processing need between two runs.
     options.add_session_config_entry("session.force_spinning_stop", "1")
-    if provider != _core.cpu_provider:
-        # A node that cannot run on the accelerator is an error, never a silent move to the processor.
-        options.add_session_config_entry("session.disable_cpu_ep_fallback", "1")
     return options
 
 

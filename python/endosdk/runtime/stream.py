@@ -10,7 +10,7 @@ from typing import Any
 
 from endosdk import _core
 from endosdk.errors import InvalidArgument
-from endosdk.runtime.arguments import Frame, check_pair
+from endosdk.runtime.arguments import Picture, check_pair, check_stamp
 from endosdk.runtime.maps import Maps
 
 THREAD_NAME = "endosdk-stream"
@@ -83,7 +83,7 @@ class Feeder:
                 self._stream.end()
             self._started.set()
 
-    def _draw(self) -> tuple[Frame, Frame] | None:
+    def _draw(self) -> tuple[Picture, Picture, int] | None:
         """Return the next pair, once there is room for it; None at the end."""
         if self._stream is not None and not self._stream.wait_for_room():
             return None
@@ -94,16 +94,17 @@ class Feeder:
             self._drawing = False
         if item is _END or self._over:
             return None
-        if not isinstance(item, tuple | list) or len(item) != 2:
-            raise InvalidArgument("source", "must yield (left, right)", type(item).__name__)
-        return check_pair(*item)
+        if not isinstance(item, tuple | list) or len(item) not in (2, 3):
+            raise InvalidArgument("source", "must yield (left, right) or (left, right, stamp_ns)", type(item).__name__)
+        return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None)
 
-    def _submit(self, number: int, pair: tuple[Frame, Frame]) -> None:
-        height, width = pair[0].shape[:2]
+    def _submit(self, number: int, pair: tuple[Picture, Picture, int]) -> None:
+        left, right, stamp_ns = pair
+        height, width = left.shape[:2]
         if self._stream is None:
             self._stream = self._open_stream(width, height)
             self._started.set()
-        self._stream.submit(*pair, self._maps_for(number, self._stream, (width, height)))
+        self._stream.submit(left, right, self._maps_for(number, self._stream, (width, height)), stamp_ns)
 
 
 def drawn_from(function: Callable[[], Any]) -> Iterator[Any]:

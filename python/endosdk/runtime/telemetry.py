@@ -1,4 +1,4 @@
-"""Keep onnxruntime silent: its wheels from 1.29 on report usage to their maker unless told not to before they load."""
+"""Keep onnxruntime silent: its wheels from 1.29 on report usage to their maker unless that is off before they load."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,10 @@ from numpy.typing import NDArray
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose
 from endosdk.simulation.curve import Floats
+from endosdk.simulation.organs import Part
 from endosdk.simulation.scene import Scene
+from endosdk.simulation.tissue import TISSUES
+from endosdk.simulation.tissue_pictures import TissuePicture
 
 MOST_INSTANTS = 8
 BUBBLES = (0.2, 1.0)
@@ -40,6 +44,7 @@ class Effects:
     exposure_difference: bool = True  # of brightness and tint, between the two chips
     noise: bool = True  # of both chips
     compression: bool = True  # JPEG, in half of the pairs
+    textures: tuple[TissuePicture, ...] = ()  # from which the colours of tissue come; none: they are drawn
 
     def __post_init__(self) -> None:
         if not 0 <= self.motion_px <= 50:
@@ -51,9 +56,10 @@ class Effects:
 
     def described(self) -> dict[str, Any]:
         """Return all settings as plain values; the later ones only where used, so that older sets stay the same."""
-        usual = Effects()
+        default = Effects()
         first = ("motion_px", "shutter", "chroma")
-        return {k: v for k, v in asdict(self).items() if k in first or v != getattr(usual, k)}
+        plain = {k: v for k, v in vars(self).items() if k in first or v != getattr(default, k)}
+        return plain | ({"textures": [one.described for one in self.textures]} if self.textures else {})
 
 
 def affected(scene: Scene, effects: Effects) -> Scene:
@@ -71,7 +77,18 @@ def affected(scene: Scene, effects: Effects) -> Scene:
             for part in scene.parts
         ]
         scene = replace(scene, parts=tuple(parts))
+    if effects.textures:
+        scene = replace(scene, parts=tuple(_pictured(scene, effects.textures)))
     return scene
+
+
+def _pictured(scene: Scene, pictures: tuple[TissuePicture, ...]) -> Iterator[Part]:
+    """Give every surface of tissue the colours of one of the pictures, by the seed of the scene."""
+    rng = np.random.default_rng((scene.seed, 24))
+    for part in scene.parts:
+        picture = pictures[int(rng.integers(len(pictures)))]
+        tissue = part.tissue
+        yield replace(part, tissue=replace(tissue, picture=picture)) if tissue.kind in TISSUES else part
 
 
 def turning(pose: Pose, motion_px: float, focal_px: float, seed: int) -> tuple[Pose, ...]:

@@ -8,14 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.datasets.dataset import FORMAT_VERSION, hash_sample, write_dataset_record
-from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
-from endosdk.io.whole_files import PARTIAL, remove_partials, write_text
-from endosdk.jobs.progress import progress as progress_bar
+from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.io.progress import progress as progress_bar
+from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.whole_files import write_text
 from endosdk.simulation.recipe import Recipe
-from endosdk.simulation.render import Job, Task
 from endosdk.simulation.render_processes import render_apart, render_here, render_on_ray
 from endosdk.simulation.sample import GENERATOR_VERSION
 from endosdk.simulation.scene import MIXTURES
+from endosdk.simulation.tasks import Job, Task
+
+RECIPE = "recipe.json"
 
 
 def generate(
@@ -50,32 +53,19 @@ def generate(
 
 def _claim(root: Path, recipe: Recipe) -> None:
     """Write the recipe into a new folder, or check that the folder was begun with the same one."""
-    wanted = {"generator_version": GENERATOR_VERSION, **recipe.described()}
-    path = root / "recipe.json"
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            _compare(json.loads(path.read_text()), wanted, root)
-        elif any(not found.name.startswith(PARTIAL) for found in root.iterdir()):
-            raise InvalidArgument("out", "must be an empty or new folder, or one begun by this command", root)
-        remove_partials(root)
-        write_text(path, json.dumps(wanted, indent=1, sort_keys=True) + "\n", "out")
-    except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", f"{root}: {error}") from error
-    except ValueError as error:
-        if isinstance(error, InvalidArgument):
-            raise
-        raise InvalidArgument("out", "recipe.json must be what this command wrote", f"{path}: {error}") from error
+    wanted = json.loads(json.dumps({"generator_version": GENERATOR_VERSION, **recipe.described()}, sort_keys=True))
+    rule = "must be new, or hold a set begun with the same settings"
+    begun = claim_folder(root, RECIPE, wanted, lambda begun: _extends(wanted, begun), rule)
+    if begun != wanted:
+        write_text(root / RECIPE, json.dumps(wanted, indent=1) + "\n", "out")
 
 
-def _compare(begun: Any, wanted: dict[str, Any], root: Path) -> None:
-    """Raise InvalidArgument unless a folder was begun with the same settings: others would mix two sets."""
-    growing = ("pairs", "test_pairs")  # more pairs of the same seeds extend a set
-    if not isinstance(begun, dict) or any(not isinstance(begun.get(key), int) for key in growing):
-        raise InvalidArgument("out", "recipe.json must be what this command wrote", root)
-    settings = [{key: value for key, value in one.items() if key not in growing} for one in (begun, wanted)]
-    if settings[0] != settings[1] or any(begun[key] > wanted[key] for key in growing):
-        raise InvalidArgument("out", "must be new, or hold a set begun with the same settings", root)
+def _extends(wanted: dict[str, Any], begun: dict[str, Any]) -> bool:
+    """Whether a set may go on with these settings: the same ones, or more pairs of the same seeds."""
+    growing = ("pairs", "test_pairs")
+    if any(not isinstance(begun.get(key), int) or begun[key] > wanted[key] for key in growing):
+        return False
+    return begun == {**wanted, **{key: begun[key] for key in growing}}
 
 
 def _render_all(job: Job, tasks: list[Task], workers: int, shown: bool, ray: bool) -> None:

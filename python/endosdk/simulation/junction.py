@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from endosdk.simulation.curve import even_points
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array
 from endosdk.simulation.shapes import Shape, Tube
 

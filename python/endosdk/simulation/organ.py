@@ -10,20 +10,20 @@ import numpy as np
 
 from endosdk.datasets.dataset import Sample
 from endosdk.simulation.effects import Effects, affected, turning
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.renderer import Renderer
-from endosdk.simulation.rigs import Rig
-from endosdk.simulation.sample import Limits, build_parts, draw_pair, paint_part, place_camera
+from endosdk.simulation.rigs import SceneRig
+from endosdk.simulation.sample import DisparityLimits, build_parts, draw_pair, paint_part, place_camera
 from endosdk.simulation.scene import LAP, Scene, draw_scene
 from endosdk.simulation.texture import TissueTexture
 from endosdk.simulation.tissue import Tissue
-from endosdk.simulation.tools.place import View, draw_tools, into_organ
+from endosdk.simulation.tools.place import BareView, draw_tools, into_organ
 
 # So many neighbouring seeds look at one organ, with all else their own: to paint it takes as long as to draw it.
 SHARED_BY = 3
 
 
-def render_organ(renderer: Renderer, seed: int, organ: str, rig: Rig, effects: Effects, clean: bool) -> Sample:
+def render_organ(renderer: Renderer, seed: int, organ: str, rig: SceneRig, effects: Effects, clean: bool) -> Sample:
     """Render the organ of this seed at the range of a rig; ``clean`` chips add no noise and do not compress.
 
     The mixture `LAP` stands instruments before the organ, up to the nearest that the rig may show.
@@ -32,16 +32,18 @@ def render_organ(renderer: Renderer, seed: int, organ: str, rig: Rig, effects: E
     renderer.clear()
     for surface in _surfaces(seed - seed % SHARED_BY, organ, effects, rig.camera.width):
         renderer.add(*surface)
-    placed = place_camera(renderer, scene, rig.camera, Limits(min(rig.farthest, 0.25 * rig.nearest), rig.nearest))
+    placed = place_camera(
+        renderer, scene, rig.camera, DisparityLimits(min(rig.farthest, 0.25 * rig.nearest), rig.nearest)
+    )
     pair = rig.pair()
     described: dict[str, Any] = {}
     if organ == LAP:
-        before = View(rig, renderer.depth(pair.left, placed.pose, placed.scale), placed.reach)
+        before = BareView(rig, renderer.depth(pair.left, placed.pose, placed.scale), placed.reach)
         found, described = draw_tools(np.random.default_rng((seed, 18)), before)
         for surface in found:
             renderer.add(*into_organ(surface, placed.pose, placed.scale))
     instants = turning(placed.pose, effects.motion_px, rig.camera.focal_px, seed)
-    _, sample = draw_pair(renderer, placed, pair, Limits(0.25 * rig.limit, rig.limit), effects, instants)
+    _, sample = draw_pair(renderer, placed, pair, DisparityLimits(0.25 * rig.limit, rig.limit), effects, instants)
     renderer.clear()
     return replace(sample, info={**sample.info, **described, "rig": asdict(rig)})
 

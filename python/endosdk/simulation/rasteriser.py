@@ -9,7 +9,7 @@ import numpy as np
 
 from endosdk.errors import DependencyMissing, RendererUnavailable, must_install
 from endosdk.simulation.camera import Pose, View
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array
 from endosdk.simulation.scene import Lamp
 from endosdk.simulation.shaders import COLOUR_FRAGMENT, COLOUR_VERTEX, DEPTH_FRAGMENT, DEPTH_VERTEX

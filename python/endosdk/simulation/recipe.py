@@ -10,7 +10,7 @@ from typing import Any
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import StereoCamera
 from endosdk.simulation.effects import Effects
-from endosdk.simulation.sample import Limits
+from endosdk.simulation.sample import DisparityLimits
 from endosdk.simulation.scene import LAP, SHAPES, check_organ
 
 # Seeds of one set: training from the start of its block, testing from the middle, so that they never meet.
@@ -35,7 +35,7 @@ class Recipe:
     renderer: str = "gl"
     rig: str = "ideal"
     camera: StereoCamera = field(default_factory=StereoCamera)
-    limits: Limits = field(default_factory=Limits)
+    limits: DisparityLimits = field(default_factory=DisparityLimits)
     effects: Effects = field(default_factory=Effects)
     frames: int = 0  # of a video for each seed; 0: one pair for each seed
     aspect: str = "fixed"  # drawn: the height of each frame is one of 4:3, 5:4 and 16:9
@@ -133,5 +133,5 @@ def published(name: str) -> Published:
     plain = json.loads((PUBLISHED / f"{name}.json").read_text())
     settings = plain["recipe"]
     if "limits" in settings:
-        settings["limits"] = Limits(**settings["limits"])
+        settings["limits"] = DisparityLimits(**settings["limits"])
     return Published(name, Recipe(**settings), plain["generator_version"], plain["renderer"], plain["expected"])

@@ -7,8 +7,8 @@ from functools import partial
 
 from endosdk.errors import RendererUnavailable
 from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
-from endosdk.simulation.render import Job, Task, render_task, start_renderer
 from endosdk.simulation.renderer import Renderer
+from endosdk.simulation.tasks import Job, Task, render_task, start_renderer
 
 
 def render_here(job: Job, tasks: list[Task]) -> Iterator[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from endosdk.simulation.camera import Pose, View
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array
 from endosdk.simulation.scene import Lamp
 from endosdk.simulation.shapes import Vector

@@ -45,7 +45,7 @@ ORGAN_SPANS: Spans = {
 
 
 @dataclass(frozen=True)
-class Rig:
+class SceneRig:
     """A rectified rig and how far it looks in one scene: disparities in px."""
 
     camera: StereoCamera
@@ -81,7 +81,7 @@ def draw_camera(rng: np.random.Generator, width: int, height: int | None) -> tup
 
 def draw_range(
     rng: np.random.Generator, camera: StereoCamera, centre: tuple[float, float], largest: float, spans: Spans
-) -> Rig:
+) -> SceneRig:
     """Draw how far a camera looks: disparities up to ``largest`` px, in depths of 12..250 mm, of objects 2.5 m."""
     names = list(spans)
     span = names[int(rng.choice(len(names), p=[spans[name][0] for name in names]))]
@@ -89,7 +89,7 @@ def draw_range(
     product = camera.focal_px * camera.baseline_mm
     top = min(product / NEAREST_MM, largest)
     bottom = min(product / (OBJECTS_FARTHEST_MM if spans is OBJECT_SPANS else FARTHEST_MM), 0.25 * top)
-    return Rig(
+    return SceneRig(
         camera,
         centre,
         span,

@@ -12,9 +12,9 @@ from endosdk.datasets.dataset import Sample, find_occlusion
 from endosdk.errors import InvalidArgument
 from endosdk.simulation.camera import Pose, RectifiedPair, StereoCamera, View, rectified_pair
 from endosdk.simulation.effects import Effects, affected, subsample_chroma, turning
-from endosdk.simulation.geometry import Mesh, build_mesh
 from endosdk.simulation.instrument import instrument_parts
 from endosdk.simulation.junction import join_lumens
+from endosdk.simulation.meshes import Mesh, build_mesh
 from endosdk.simulation.noise import Array
 from endosdk.simulation.organs import Part
 from endosdk.simulation.renderer import Renderer
@@ -35,7 +35,7 @@ TOOL_AT_LENS = 5.0  # so much nearer than the tissue, a tool would leave no disp
 
 
 @dataclass(frozen=True)
-class Limits:
+class DisparityLimits:
     """Disparities, in px, that a sample may hold."""
 
     smallest: float = 2.0
@@ -64,7 +64,7 @@ def render_sample(
     seed: int,
     organ: str,
     camera: StereoCamera,
-    limits: Limits,
+    limits: DisparityLimits,
     effects: Effects = NO_EFFECTS,
 ) -> Sample:
     """Render the sample of this seed: a function of its arguments and of ``renderer.version`` alone."""
@@ -81,7 +81,7 @@ def draw_pair(
     renderer: Renderer,
     placed: Placed,
     pair: RectifiedPair,
-    limits: Limits,
+    limits: DisparityLimits,
     effects: Effects,
     instants: tuple[Pose, ...],
     frame: int | None = None,
@@ -139,7 +139,7 @@ def paint_part(part: Part, mesh: Mesh, width: int) -> TissueTexture:
     return paint_tissue(part.tissue, (part.seed, 1), mesh.size_mm, pixels)
 
 
-def place_camera(renderer: Renderer, scene: Scene, camera: StereoCamera, limits: Limits) -> Placed:
+def place_camera(renderer: Renderer, scene: Scene, camera: StereoCamera, limits: DisparityLimits) -> Placed:
     """Find a pose by depth previews, add the instrument, and scale the organ so that disparities are in range.
 
     An instrument whose shaft would lie right at a lens is left out; the scene that is returned has none.
@@ -203,7 +203,7 @@ def _largest_disparity(depth: Array, camera: StereoCamera) -> float:
 
 
 def draw_truth(
-    renderer: Renderer, placed: Placed, pair: RectifiedPair, limits: Limits
+    renderer: Renderer, placed: Placed, pair: RectifiedPair, limits: DisparityLimits
 ) -> tuple[Placed, tuple[Array, Array]]:
     """Return both true disparities [H,W] in px, NaN where nothing is seen, and the scene as drawn.
 
@@ -243,12 +243,15 @@ def draw_light(
 def describe(placed: Placed) -> dict[str, Any]:
     """Return what was drawn as plain values for the sample's record."""
     record = asdict(placed.scene)
-    for part in record["parts"]:
-        if not part["tissue"]["bubbles"]:  # came later; older sets stay the same
-            del part["tissue"]["bubbles"]
+    for drawn, part in zip(placed.scene.parts, record["parts"], strict=True):
+        for later in ("bubbles", "picture"):  # they came later; older sets stay the same
+            if not part["tissue"][later]:
+                del part["tissue"][later]
+        if drawn.tissue.picture is not None:
+            part["tissue"]["picture"] = drawn.tissue.picture.described
     if record["instrument"] is not None:
         for tissue in (record["instrument"]["shaft"], record["instrument"]["steel"]):
-            del tissue["bubbles"]
+            del tissue["bubbles"], tissue["picture"]
     record["pose"] = {"position": placed.pose.position.tolist(), "axes": placed.pose.axes.tolist()}
     record["scale"] = placed.scale
     return record

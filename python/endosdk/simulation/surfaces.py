@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from endosdk.simulation.curve import Floats
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 
 
 @dataclass(frozen=True)

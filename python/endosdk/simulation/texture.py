@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from endosdk.simulation.bubbles import add_bubbles
 from endosdk.simulation.noise import Array, fractal_tile, tile_noise
 from endosdk.simulation.tissue import Tissue
+from endosdk.simulation.tissue_pictures import tissue_tile
 from endosdk.simulation.vessels import draw_vessels
 
 DETAIL_PX = 1024
@@ -63,6 +64,27 @@ def _step(field: Array, threshold: float, softness: float) -> Array:
 def _albedo(
     rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], scale: float, bubble_seed: tuple[int, ...]
 ) -> NDArray[np.uint8]:
+    if tissue.picture is None:
+        image = _drawn_colours(rng, tissue, shape, scale)
+    else:
+        image = tissue_tile(tissue.picture, rng, shape, scale)
+    wet = _step(tile_noise(rng, shape, max(8.0, 14 * scale)), 0.6, 1.6) * np.float32(tissue.mucus)
+    if tissue.stain > 0:
+        field = fractal_tile(rng, shape, 22 * scale, 4, 0.45)
+        softness = float(rng.uniform(0.8, 3.0))
+        stain = _step(field, float(np.quantile(field[::8, ::8], 1 - tissue.stain)), softness)
+        _blend(image, _linear(tissue.stain_colour), stain * np.float32(rng.uniform(0.4, 0.9)))
+        wet = np.maximum(wet, stain)
+    if tissue.bubbles > 0:
+        add_bubbles(image, wet, bubble_seed, tissue.bubbles, scale)
+    coded = np.empty((*shape, 4), np.uint8)
+    coded[..., :3] = np.sqrt(np.clip(image, 0.0, 1.0)) * 255.0 + 0.5
+    coded[..., 3] = np.clip(wet, 0.0, 1.0) * 255.0 + 0.5
+    return coded
+
+
+def _drawn_colours(rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], scale: float) -> Array:
+    """Draw base, blotches, meshes, dots and vessels: linear colours [H,W,3]."""
     blotch_px = tissue.blotch_mm * scale
     coarse = fractal_tile(rng, shape, blotch_px, 4, 0.55)
     image = np.empty((*shape, 3), np.float32)
@@ -78,19 +100,7 @@ def _albedo(
         deep, surface = draw_vessels(rng, tissue, shape, scale)
         _blend(image, image.mean((0, 1)) * DEEP_TINT, deep * np.float32(0.8 * tissue.deep))
         _blend(image, _linear(tissue.vessel_colour), surface * np.float32(rng.uniform(0.45, 0.95)))
-    wet = _step(tile_noise(rng, shape, max(8.0, 14 * scale)), 0.6, 1.6) * np.float32(tissue.mucus)
-    if tissue.stain > 0:
-        field = fractal_tile(rng, shape, 22 * scale, 4, 0.45)
-        softness = float(rng.uniform(0.8, 3.0))
-        stain = _step(field, float(np.quantile(field[::8, ::8], 1 - tissue.stain)), softness)
-        _blend(image, _linear(tissue.stain_colour), stain * np.float32(rng.uniform(0.4, 0.9)))
-        wet = np.maximum(wet, stain)
-    if tissue.bubbles > 0:
-        add_bubbles(image, wet, bubble_seed, tissue.bubbles, scale)
-    coded = np.empty((*shape, 4), np.uint8)
-    coded[..., :3] = np.sqrt(np.clip(image, 0.0, 1.0)) * 255.0 + 0.5
-    coded[..., 3] = np.clip(wet, 0.0, 1.0) * 255.0 + 0.5
-    return coded
+    return image
 
 
 def _network(rng: np.random.Generator, tissue: Tissue, shape: tuple[int, int], scale: float) -> Array:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endosdk.simulation.tissue_pictures import TissuePicture
+
 Colour = tuple[float, float, float]
 
 
@@ -41,6 +43,7 @@ class Tissue:
     stain_colour: Colour
     metallic: bool = False
     bubbles: float = 0.0  # in the film on it; drawn only where asked for
+    picture: TissuePicture | None = None  # that gives its colours; None: they are drawn
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def random_pair(
         pair = Pair(pair.left[::-1], pair.right[::-1], pair.disparity[::-1])
     left, right = _colours(pair.left, pair.right, rng, 0.2 if "tone" in switches else 0.06)
     if rng.random() < 0.5:
-        right = _misaligned(right, rng)
+        right = looks.misaligned(right, rng, rows_px=1.0, degrees=0.1)  # after a good calibration
     left, right, disparity = _looks(left, right, pair.disparity, rng, switches)
     left, right = (_sensor(view, rng) for view in (left, right))
     if rng.random() < 0.3:
@@ -69,7 +69,7 @@ def _looks(
     if "glare" in on:
         left, right = looks.glare(left, rng), looks.glare(right, rng)
     if "rows" in on:
-        right = looks.rows_apart(right, rng)
+        right = looks.misaligned(right, rng, rows_px=2.0, degrees=0.25)  # the rig moved since
     if "blur" in on:
         eye = rng.integers(0, 3)
         left = looks.blurred(left, rng) if eye != 1 else left
@@ -142,15 +142,6 @@ def _toned(view: Image, curve: NDArray[np.float64]) -> Image:
     levels = np.linspace(0.0, 1.0, 256)[:, None] ** np.exp(gamma)
     table = np.clip(levels * np.exp(gain) * 255.0 + offset, 0.0, 255.0).astype(np.uint8)
     return np.asarray(cv2.LUT(np.ascontiguousarray(view), table[None]), dtype=np.uint8)
-
-
-def _misaligned(view: Image, rng: Generator) -> Image:
-    """Shift rows by up to a pixel and turn by up to 0.1 degree: what is left after a good calibration."""
-    height, width = view.shape[:2]
-    turn = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), float(rng.uniform(-0.1, 0.1)), 1.0)
-    turn[1, 2] += rng.uniform(-1.0, 1.0)
-    warped = cv2.warpAffine(view, turn, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(warped, dtype=np.uint8)
 
 
 def _sensor(view: Image, rng: Generator) -> Image:

@@ -18,10 +18,11 @@ from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json
 from endosdk.io.whole_files import whole_file
 from endosdk.runtime.models import shipped_weights
-from endosdk.training.config import TrainConfig
+from endosdk.training.config import INHERITED, TrainConfig
 from endosdk.training.networks import StereoNetwork, build_network
 
 LAST = "last.safetensors"
+DONE = 2 / 3  # of the steps of a recipe: from there on go the rates of a run that starts from its weights
 FORMAT = "1"
 
 
@@ -47,14 +48,18 @@ class Checkpoint:
         if differing:
             rule = f"must hold the weights of {self.config.network} as this release builds it"
             raise InvalidArgument("checkpoint", rule, f"{len(differing)} that differ, such as {differing[0]}")
-        network.load_state_dict(self.network)
+        network.load_state_dict(self._adapted(network))
 
     def differing(self, network: StereoNetwork) -> list[str]:
         """Name the weights that only this or only the network has, or that differ in shape."""
         found, wanted = (
-            {name: tensor.shape for name, tensor in tensors.items()} for tensors in (self.network, network.state_dict())
+            {name: tensor.shape for name, tensor in tensors.items()}
+            for tensors in (self._adapted(network), network.state_dict())
         )
         return sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+
+    def _adapted(self, network: StereoNetwork) -> dict[str, Tensor]:
+        return network.adapted(self.network, self.config.max_disparity, self.config.dense_disparity)
 
 
 def configured_network(config: TrainConfig) -> StereoNetwork:
@@ -62,7 +67,7 @@ def configured_network(config: TrainConfig) -> StereoNetwork:
     return build_network(
         config.network,
         config.max_disparity,
-        answer_cell=config.answer_cell,
+        output_stride=config.output_stride,
         inference_width=config.inference_width,
         dense_disparity=config.dense_disparity,
         mode_reach=config.mode_reach,
@@ -108,6 +113,24 @@ def starting_point(source: str) -> Path:
     return path
 
 
+def inherited(source: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings that a run from the weights ``source`` takes over, without those that are ``given``.
+
+    They are the recipe that made the weights (`INHERITED`), at the rates of its last third: they have learned, and
+    higher rates would undo some of it. A crop comes along where frames are seen at the same width.
+    """
+    past = load(starting_point(source)).config
+    plain = past.as_dict()
+    settings = {name: plain[name] for name in INHERITED if name not in given}
+    if any(given.get(name, plain[name]) != plain[name] for name in ("network", "inference_width")):
+        settings.pop("crop", None)
+    if "rate" not in given:
+        settings["rate"] = past.rate_after(DONE)
+    if "final_rate" not in given:
+        settings["final_rate"] = min(past.final_rate, given.get("rate", past.final_rate))
+    return settings
+
+
 def load(path: Path) -> Checkpoint:
     """Read a checkpoint file, or the last one of a run folder."""
     file = path / LAST if path.is_dir() else path
@@ -124,7 +147,7 @@ def load(path: Path) -> Checkpoint:
         for name, tensor in tensors.items():
             part, _, rest = name.partition(".")
             parts[part][rest] = tensor
-        config = TrainConfig.from_dict(parse_json(header["config"]))
+        config = TrainConfig.from_dict(_settings(parse_json(header["config"])))
         step, state = int(header["step"]), dict(parse_json(header["state"]))
     except InvalidArgument:
         raise
@@ -133,6 +156,14 @@ def load(path: Path) -> Checkpoint:
             "checkpoint", "must have a header as this package writes it", f"{file} ({error})"
         ) from error
     return Checkpoint(config, step, state, parts["network"], parts["optimiser"])
+
+
+def _settings(stored: dict[str, Any]) -> dict[str, Any]:
+    """Bring settings of an older checkpoint, which counted cells of the network's own map, to an output stride."""
+    cells = stored.pop("answer_cell", 1)
+    if cells != 1:
+        stored["output_stride"] = cells * build_network(stored["network"], stored["max_disparity"]).output_stride
+    return stored
 
 
 def restore_optimiser(optimiser: Optimizer, tensors: dict[str, Tensor]) -> None:

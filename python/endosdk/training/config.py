@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -12,12 +13,18 @@ from endosdk.training.looks import LOOKS
 CHOICES = {
     "loss": ("l1", "l2", "scale-invariant", "smooth-l1"),
     "optimiser": ("rmsprop", "adamw", "muon"),
-    "decay": ("exponential", "linear"),
+    "decay": ("exponential", "linear", "epochs", "drop"),
     "precision": ("auto", "fp32", "bf16"),
     "device": ("auto", "cpu", "cuda"),
 }
+# What a run takes over from the run that made the weights it starts from, where nothing else is asked for.
+INHERITED = (
+    "network max_disparity dense_disparity mode_reach inference_width crop looks loss balance volume_weight "
+    "coarse_weight output_stride optimiser decay epochs weight_decay"
+).split()
 LISTS = ("data", "looks", "crop", "refine_crop")
 LARGEST = 10**9
+DROP_AFTER = 2 / 3  # of the steps: AnyNet's authors drop the rate after 200 of 300 epochs
 # What each number must lie within, ends included.
 RANGES = {
     "max_disparity": (1, LARGEST),
@@ -34,14 +41,16 @@ RANGES = {
     "balance": (0, 1),  # beyond 1 the loss rewards a common factor, and falls below 0
     "coarse_weight": (0, LARGEST),
     "steps": (0, LARGEST),  # with none the confidence is fitted, and nothing else changes
+    "epochs": (1, LARGEST),
     "warmup": (0, LARGEST),
     "weight_decay": (0, LARGEST),
     "clip": (0, LARGEST),
     "refine_from_step": (0, LARGEST),
-    "answer_cell": (1, 8),
+    "output_stride": (1, 8),
     "log_every": (1, LARGEST),
     "validate_every": (1, LARGEST),
     "checkpoint_minutes": (0, LARGEST),
+    "threads": (1, 256),
 }
 
 
@@ -75,15 +84,18 @@ class TrainConfig:
     balance: float = 0.5  # of the scale-invariant loss: 0 squares in log space, 1 ignores a common factor
     volume_weight: float = 0.0  # of the cross-entropy of the volume that fast searches
     coarse_weight: float = 0.5  # of the coarse map's loss once the refined map is trained too
-    # The last map is taken as it is deployed: the mean over so many answers along both axes, upsampled guided.
-    answer_cell: int = 1
+    # The last map is taken as it is deployed: at this output stride, upsampled. None: the network's own.
+    output_stride: int | None = None
 
     # schedule
     steps: int = 4000  # 0: only the confidence is fitted, to the held-out pairs
     optimiser: str = "rmsprop"  # the paper's; adamw and muon are the others
     rate: float = 1e-3
     final_rate: float = 3e-5  # the rate falls from rate to this over the run
-    decay: str = "exponential"  # the paper's way to fall; a linear fall takes more of the steps at high rates
+    # exponential falls with every step, linear takes more of the steps at high rates; epochs holds the rate within each
+    # of `epochs` equal parts of the run and lets it fall by one factor between them, as the paper does; drop: once.
+    decay: str = "exponential"
+    epochs: int = 16  # parts of the run in which the rate is held, for the decay of that name
     warmup: int = 50  # steps in which the rate rises from zero
     weight_decay: float = 1e-4  # adamw and muon
     clip: float = 1.0  # largest norm of the gradient; 0: no limit
@@ -94,6 +106,7 @@ class TrainConfig:
     # system
     precision: str = "auto"  # bf16 where the processor has units for it (elsewhere it is slower), else fp32
     device: str = "auto"  # cuda when there is one, else cpu
+    threads: int | None = None  # processor threads of each process; None: what torch takes
     log_every: int = 20  # steps per line of log.csv
     validate_every: int = 500  # steps
     checkpoint_minutes: float = 5.0
@@ -130,12 +143,19 @@ class TrainConfig:
 
     def rate_at(self, step: int) -> float:
         """Learning rate of one step: a linear rise, then the fall to ``final_rate``."""
-        done = min(step / self.steps, 1.0)
-        if self.decay == "linear":
-            rate = self.rate + (self.final_rate - self.rate) * done
-        else:
-            rate = self.rate * (self.final_rate / self.rate) ** done
+        rate = self.rate_after(min(step / self.steps, 1.0))
         return float(rate * min(1.0, (step + 1) / max(self.warmup, 1)))
+
+    def rate_after(self, share: float) -> float:
+        """Learning rate after this share of the steps, 0..1, without the rise."""
+        if self.decay == "linear":
+            return self.rate + (self.final_rate - self.rate) * share
+        if self.decay == "drop":
+            return self.rate if share < DROP_AFTER else self.final_rate
+        if self.decay == "epochs":  # the last of them has the final rate
+            done = min(math.floor(share * self.epochs + 1e-9), self.epochs - 1)
+            share = done / max(self.epochs - 1, 1)
+        return float(self.rate * (self.final_rate / self.rate) ** share)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values that JSON can hold."""

@@ -88,6 +88,10 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
             pair = plain_pair(pair, self.crop, rng)
         return planar(pair.left), planar(pair.right), torch.from_numpy(np.ascontiguousarray(pair.disparity))[None]
 
+    def truth(self, index: int) -> NDArray[np.float32]:
+        """Disparity [H, W] of a sample of the reader in px as the network sees it, NaN where there is none."""
+        return _truth(self._load(index).disparity)
+
     def batches(
         self, batch: int, *, first: int, last: int, rank: int, world: int, workers: int
     ) -> Iterator[list[Tensor]]:

@@ -25,7 +25,7 @@ MOST_STEPS = 2**12  # the exporter wants a limit on how many steps high and wide
 
 
 @dataclass(frozen=True)
-class ModelInfo:
+class ModelDescription:
     """What a model file says about itself beside what the network knows."""
 
     name: str  # the name under which users load it
@@ -35,7 +35,7 @@ class ModelInfo:
     training: dict[str, Any] = field(default_factory=dict)  # data ids and hashes, commit, recipe, test metrics
 
 
-def export_model(network: StereoNetwork, path: Path, info: ModelInfo, *, size_step: int = 1) -> None:
+def export_model(network: StereoNetwork, path: Path, info: ModelDescription, *, size_step: int = 1) -> None:
     """Write the network as one self-describing ONNX file, atomically.
 
     The same network gives the same bytes. Height and width stay free (multiples of ``input_multiple``), and so does
@@ -114,7 +114,7 @@ def _name_sizes(model: onnx.ModelProto, stride: int) -> None:
                 value.type.tensor_type.shape.dim[axis].dim_param = size + end
 
 
-def _metadata(deployed: Deployed, info: ModelInfo) -> dict[str, str]:
+def _metadata(deployed: Deployed, info: ModelDescription) -> dict[str, str]:
     network = deployed.network
     entries = {
         "format_version": FORMAT_VERSION,

@@ -18,7 +18,7 @@ NO_TRUTH = -1e6  # stands for NaN where minima and maxima are taken: far from ev
 
 
 def seen_size(width: int, height: int, inference_width: int | None) -> tuple[int, int]:
-    """Return (width, height) at which a network for ``inference_width`` sees a frame; the frame's own up to that."""
+    """Return (width, height) at which a network for ``inference_width`` sees a frame."""
     seen: tuple[int, int] = _core.network_size_of(width, height, inference_width or 0)
     return seen
 

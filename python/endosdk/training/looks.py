@@ -100,10 +100,10 @@ def outside_dark(view: Image, shown: Mask, rng: Generator) -> Image:
     return np.where(shown[..., None], view, np.clip(dark, 0.0, 255.0)).astype(np.uint8)
 
 
-def rows_apart(view: Image, rng: Generator) -> Image:
-    """Shift rows by up to 2 px and turn by up to 0.25 degree: a rig that has moved since its calibration."""
+def misaligned(view: Image, rng: Generator, *, rows_px: float, degrees: float) -> Image:
+    """Shift rows and turn, each by up to so much either way: what is left after a calibration, or came since."""
     height, width = view.shape[:2]
-    turn = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), float(rng.uniform(-0.25, 0.25)), 1.0)
-    turn[1, 2] += rng.uniform(-2.0, 2.0)
+    turn = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), float(rng.uniform(-degrees, degrees)), 1.0)
+    turn[1, 2] += rng.uniform(-rows_px, rows_px)
     warped = cv2.warpAffine(view, turn, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(warped, dtype=np.uint8)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import onnx
 
+from endosdk import _core
 from endosdk.errors import StorageFailed
 from endosdk.io.whole_files import whole_file
-from endosdk.runtime.seal import EMPTY, KEY, seal
 
 
 def write_model(model: onnx.ModelProto, path: Path) -> None:
@@ -22,10 +22,11 @@ def write_model(model: onnx.ModelProto, path: Path) -> None:
 
 
 def sealed_bytes(model: onnx.ModelProto) -> bytes:
-    """Return the bytes of a model with a hash of all of them inside; see `endosdk.runtime.seal`."""
+    """Return the bytes of a model with a hash of all of them inside."""
     sealed = onnx.ModelProto()
     sealed.CopyFrom(model)
-    kept = [entry for entry in sealed.metadata_props if entry.key != KEY]
+    kept = [entry for entry in sealed.metadata_props if entry.key != _core.seal_key]
     del sealed.metadata_props[:]
-    sealed.metadata_props.extend([*kept, onnx.StringStringEntryProto(key=KEY, value=EMPTY)])
-    return seal(sealed.SerializeToString(deterministic=True))
+    empty = onnx.StringStringEntryProto(key=_core.seal_key, value=_core.empty_seal)
+    sealed.metadata_props.extend([*kept, empty])
+    return _core.seal(sealed.SerializeToString(deterministic=True))

@@ -1,4 +1,4 @@
-"""From an exported float model to one that computes its wide layers in 8-bit integers.
+"""From an exported float model to one that computes its large layers in 8-bit integers.
 
 Static quantisation in the QDQ form of ONNX: weights signed per channel, so small that sums of products saturate on no
 processor; activations unsigned per tensor, with ranges measured on rendered frames. The costs are products of 8-bit
@@ -22,11 +22,11 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
-from endosdk.jobs.progress import progress
+from endosdk.io.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.model_file import write_model
 
-WIDE = 16  # channels from which a convolution fills the integer units
+LEAST_CHANNELS = 16  # channels from which a convolution fills the integer units
 # Operators that only move values, between a convolution and the addition or the product that reads its result.
 MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose", "Gather")
 # Without VNNI a processor multiplies two neighbouring values by their weights and adds the products in 16 bits, which
@@ -43,7 +43,7 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
         raise InvalidArgument("indices", "must name at least one pair to measure ranges on", "none")
     model = onnx.load(source)
     properties = {entry.key: entry.value for entry in model.metadata_props}
-    wide = _wide_nodes(model.graph)
+    chosen = _quantised_nodes(model.graph)
     with tempfile.TemporaryDirectory() as folder:
         # Kept in memory, the quantiser would write the model to a folder of its own choice.
         draft = Path(folder) / "draft.onnx"
@@ -56,12 +56,12 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,
             calibrate_method=CalibrationMethod.MinMax,
-            nodes_to_quantize=wide,
+            nodes_to_quantize=chosen,
             op_types_to_quantize=["Conv", "MatMul", "Relu", "Add", "Concat", "Slice"],
             extra_options={
                 "CalibMovingAverage": True,
                 "OpTypesToExcludeOutputQuantization": ["MatMul"],
-                "TensorQuantOverrides": _weight_steps(model.graph, wide),
+                "TensorQuantOverrides": _weight_steps(model.graph, chosen),
             },
         )
         quantised = onnx.load(draft)
@@ -108,13 +108,30 @@ def read_bytes_directly(graph: onnx.GraphProto) -> None:
                 name = f"{dequantise.name}_byte_{slot}"
                 graph.initializer.append(numpy_helper.from_array(np.array(value), name))
                 dequantise.input[slot] = name
+            for layer in users[dequantise.output[0]]:
+                _match_bias(graph, layer)
     kept = [node for node in graph.node if node.name not in removed]
     del graph.node[:]
     graph.node.extend(kept)
 
 
-def _wide_nodes(graph: onnx.GraphProto) -> list[str]:
-    """Name the nodes to quantise: wide convolutions, and what moves, adds, rectifies or weighs their results.
+def _match_bias(graph: onnx.GraphProto, layer: onnx.NodeProto) -> None:
+    """Give the bias of a convolution over values of step 1 the steps of its weights, in place.
+
+    Runtimes compute in 8-bit integers only where the step of the bias is that of the products it is added to.
+    """
+    makers = {name: node for node in graph.node for name in node.output}
+    values = {value.name: value for value in graph.initializer}
+    weight, bias = (makers[name] for name in layer.input[1:3])
+    steps, before = (numpy_helper.to_array(values[node.input[1]]) for node in (weight, bias))
+    stored = numpy_helper.to_array(values[bias.input[0]])
+    matched = np.rint(stored * (before.astype(np.float64) / steps)).astype(np.int32)
+    for name, array in ((bias.input[0], matched), (bias.input[1], steps)):
+        values[name].CopyFrom(numpy_helper.from_array(array, name))
+
+
+def _quantised_nodes(graph: onnx.GraphProto) -> list[str]:
+    """Name the nodes to quantise: convolutions of many channels, and what moves, adds or weighs their results.
 
     A convolution of values that were computed in floats stays in floats: disparities and what was seen at them differ
     so much in size, from channel to channel, that one scale of 256 steps for all would lose the small ones.
@@ -122,15 +139,16 @@ def _wide_nodes(graph: onnx.GraphProto) -> list[str]:
     makers = {name: node for node in graph.node for name in node.output}
     weights = {weight.name: weight.dims for weight in graph.initializer}
     chosen: set[str] = set()
+    products: set[str] = set()  # whose results are floats
     for node in graph.node:  # in the order of computation
         if node.op_type == "Conv":
-            wide = weights[node.input[1]][0] >= WIDE
-            if wide and all(source is None or source in chosen for source in _sources(node.input[0], makers)):
+            large = weights[node.input[1]][0] >= LEAST_CHANNELS
+            if large and all(source is None or source in chosen for source in _sources(node.input[0], makers)):
                 chosen.add(node.name)
         elif node.op_type in (*MOVES, "Add", "MatMul"):
             if any(source in chosen for name in node.input for source in _sources(name, makers)):
-                chosen.add(node.name)
-    return [node.name for node in graph.node if node.name in chosen]
+                (products if node.op_type == "MatMul" else chosen).add(node.name)
+    return [node.name for node in graph.node if node.name in chosen | products]
 
 
 def _weight_steps(graph: onnx.GraphProto, nodes: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
@@ -172,6 +190,8 @@ def _sources(name: str, makers: Names) -> set[str | None]:
     node = makers.get(name)
     if node is None or node.op_type == "Cast":
         return {None}
+    if node.op_type == "AveragePool" and _sources(node.input[0], makers) == {None}:
+        return {None}  # means of bytes are as large as bytes
     if node.op_type not in MOVES:
         return {node.name}
     inputs = node.input if node.op_type == "Concat" else node.input[:1]

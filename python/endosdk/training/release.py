@@ -11,7 +11,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
 from endosdk.jobs.machine import machine_record
 from endosdk.training.checkpoint import Checkpoint
-from endosdk.training.export import ModelInfo, export_model
+from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import describe_quantised, quantize_model
@@ -22,7 +22,7 @@ RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.
 RECIPE = (
     "inference_width dense_disparity mode_reach train_pairs held_out loss balance volume_weight coarse_weight "
-    "optimiser rate final_rate decay steps batch crop refine_from_step refine_crop refine_only answer_cell augment "
+    "optimiser rate final_rate decay steps batch crop refine_from_step refine_crop refine_only output_stride augment "
     "looks seed"
 ).split()
 
@@ -36,22 +36,22 @@ def release(
     data: Path | None = None,
     layout: str = "endosdk",
     int8: Path | None = None,
-    answer_cell: int | None = None,
+    output_stride: int | None = None,
 ) -> dict[str, Any]:
     """Write the model file and return its scores on the test split and the parity with torch.
 
     ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on.
     With ``int8`` the 8-bit form is written there, named for its file; ranges are measured on pairs that the run was
     trained on. Weights that were kept without their run do not say where its data lies: they need ``data``, and have
-    no 8-bit form. The file answers for cells of ``answer_cell`` answers of the network, by default those that it was
-    trained for. Raises InvalidArgument for these, and for a test split without pairs.
+    no 8-bit form. The file has this ``output_stride``, by default the one that the network was trained for. Raises
+    InvalidArgument for these, and for a test split without pairs.
     """
     reader = _test_split(trained, data, layout)
     ranges = None if int8 is None else _range_pairs(trained)  # before the scoring, which takes minutes
     keep_freed_memory()  # the frames of the test split go through torch on the CPU
     network = trained.build()
-    if answer_cell is not None:
-        network.answer_in_cells(answer_cell)
+    if output_stride is not None:
+        network.deploy_at(output_stride)
     scores = full_scores(network, reader)
     machine = machine_record()
     training = {
@@ -60,9 +60,10 @@ def release(
         "commit": machine["commit"],
         "recipe": {key: trained.config.as_dict()[key] for key in RECIPE},
         "steps_done": trained.step,
+        "precision": trained.state.get("precision"),  # None: of a run before it was kept
         "init": trained.state["init"],
     }
-    info = ModelInfo(name=name or trained.config.network, version=version, training=training)
+    info = ModelDescription(name=name or trained.config.network, version=version, training=training)
     export_model(network, path, info)
     sample = reader[0]
     parity = check_parity(network, path, parity_pairs(sample.left, sample.right))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
+
+import numpy as np
 
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.layouts import open_dataset
@@ -27,8 +30,17 @@ class JoinedReader(DatasetReader):
         self._ends = list(accumulate(len(part) for part in self.parts))
 
     def __getitem__(self, index: int) -> Sample:
+        part, within = self._place(index)
+        return part[within]
+
+    def film(self, index: int) -> str:
+        """Name the film of which a pair is a frame."""
+        part, within = self._place(index)
+        return f"{part.name}/{part.film(within)}"
+
+    def _place(self, index: int) -> tuple[DatasetReader, int]:
         part = bisect_right(self._ends, index)
-        return self.parts[part][index - (self._ends[part - 1] if part else 0)]
+        return self.parts[part], index - (self._ends[part - 1] if part else 0)
 
     @property
     def sha256(self) -> str:
@@ -46,10 +58,26 @@ def open_sets(roots: Sequence[str], split: str, layout: str) -> DatasetReader:
     return readers[0] if len(readers) == 1 else JoinedReader(readers)
 
 
+def _film_start(part: DatasetReader, border: int) -> int:
+    """Return the first pair that may not be trained on when as many are held out as there are from ``border`` on."""
+    starts = [index for index in range(1, len(part)) if part.film(index) != part.film(index - 1)]
+    if border == len(part) or border in starts:
+        return border
+    if not starts:
+        logging.getLogger("endosdk").warning(
+            "%s is one film: the pairs held out resemble those trained on, and their error is too good", part.name
+        )
+        return border
+    return max((start for start in starts if start <= border), default=starts[0])
+
+
 def split_pairs(reader: DatasetReader, config: TrainConfig) -> tuple[list[int], list[int]]:
     """Return the indices trained on and those held out: of every set the last ones of its split.
 
-    Raises InvalidArgument when there are not as many as the settings ask for.
+    Of a film from which pairs are held out no frame is trained on: its frames resemble each other. So the pairs held
+    out of a set of films are spread over its last films, and one film at least is trained on. A set that is one film
+    is split all the same, with a warning in the log ``endosdk``. Raises InvalidArgument when there are not as many
+    pairs as the settings ask for.
     """
     parts = reader.parts if isinstance(reader, JoinedReader) else [reader]
     learned: list[int] = []
@@ -60,8 +88,10 @@ def split_pairs(reader: DatasetReader, config: TrainConfig) -> tuple[list[int], 
         if border < 1:
             rule = f"must leave some of the {len(part)} pairs of {part.name} to train on"
             raise InvalidArgument("held_out", rule, config.held_out)
-        learned += range(first, first + border)
-        held_out += range(first + border, first + len(part))
+        start = _film_start(part, border)
+        count = min(config.held_out, len(part) - start)
+        learned += range(first, first + start)
+        held_out += [first + round(index) for index in np.linspace(start, len(part) - 1, count)]
         first += len(part)
     wanted = len(learned) if config.train_pairs is None else config.train_pairs
     if wanted > len(learned):

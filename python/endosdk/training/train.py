@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -23,30 +24,38 @@ from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
 from endosdk.errors import InvalidArgument, ProviderUnavailable, StorageFailed
-from endosdk.jobs.progress import progress
+from endosdk.io.progress import progress
 from endosdk.training import checkpoint
-from endosdk.training.calibrate import calibrate_confidence
 from endosdk.training.config import TrainConfig
 from endosdk.training.data import Crops, has_truth
+from endosdk.training.fit_confidence import fit_confidence
 from endosdk.training.loss import build_loss, volume_cross_entropy
 from endosdk.training.memory import keep_freed_memory
-from endosdk.training.networks.base import Prediction, Window
+from endosdk.training.networks.base import Prediction, StereoNetwork, Window
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.sets import open_sets, split_pairs
+from endosdk.training.survey import MOST_CROPS, teach_surveyor
 from endosdk.training.upsampling import on_input_grid
 from endosdk.training.validation import mean_errors
 
+LOG = logging.getLogger("endosdk")
+CROPS_WITHOUT_STEPS = 8  # of a pair
+COUNTED_PAIRS = 64  # so many tell how much truth lies beyond the range
+# What is measured beside the training, every `validate_every` steps; it is told whether the refinement is computed yet.
+Watch = Callable[[StereoNetwork, bool], dict[str, float]]
 LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined", "volume")
 
 
-def train(config: TrainConfig, out: Path, *, resume: bool = False) -> Path:
+def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch | None = None) -> Path:
     """Train as configured and return the checkpoint, ``out/last.safetensors``; the log lies beside it.
 
     With ``resume`` the run in ``out`` goes on where its checkpoint ends; the settings may differ from those it began
-    with (more steps, another rate). Under torchrun every process calls this with the same arguments.
+    with (more steps, another rate). Under torchrun every process calls this with the same arguments. What ``watch``
+    measures of the network joins the history of validations.
     """
     with process_group() as (rank, world), _stop_signal():
         run = Run(config, out, rank, world, resume=resume)
+        run.watch = watch
         try:
             run.fit()
         except KeyboardInterrupt:
@@ -62,9 +71,12 @@ class Run:
     def __init__(self, config: TrainConfig, out: Path, rank: int = 0, world: int = 1, *, resume: bool = False) -> None:
         self.out, self.rank, self.world = out, rank, world
         self.device = _device(config.device)
+        if config.threads is not None:
+            torch.set_num_threads(config.threads)
+        self.precision = _precision(config.precision, self.device)
         if self.device.type == "cpu":
             keep_freed_memory()
-        # Before the data, which takes its time to open: a wrong name or range is told at once.
+        # Before the data, which takes its time to open: a wrong name or range is refused at once.
         torch.manual_seed(config.seed)
         self.network = checkpoint.configured_network(config)
         self.crop = config.crop or self.network.default_crop
@@ -73,18 +85,11 @@ class Run:
         self.loss = build_loss(config.loss, config.balance)
         self.reader = open_sets(config.data, "train", config.layout)
         self.train_pairs, self.held_out = split_pairs(self.reader, config)
-        self.crops = Crops(
-            self.reader,
-            self.train_pairs,
-            self.crop,
-            seed=config.seed,
-            augment=config.augment,
-            looks=config.looks,
-            cache_gib=config.cache_gib,
-            inference_width=self.network.inference_width,
-        )
+        self.crops = self._crops_of(self.train_pairs)
+        self.beyond_range = self._count_beyond_range() if rank == 0 else 0.0
         self.step, self.seconds = 0, 0.0
         self.history: list[dict[str, float]] = []
+        self.watch: Watch | None = None
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
         saved = self._restore(resume)
         channels_last(self.network.to(self.device))
@@ -93,6 +98,19 @@ class Run:
             checkpoint.restore_optimiser(self.optimiser, saved.optimiser)
         if rank == 0:
             self._start_log(resume)
+
+    def _crops_of(self, pairs: list[int]) -> Crops:
+        config = self.config
+        return Crops(
+            self.reader,
+            pairs,
+            self.crop,
+            seed=config.seed,
+            augment=config.augment,
+            looks=config.looks,
+            cache_gib=config.cache_gib,
+            inference_width=self.network.inference_width,
+        )
 
     def _restore(self, resume: bool) -> checkpoint.Checkpoint | None:
         if not resume and (self.out / checkpoint.LAST).exists():
@@ -117,11 +135,30 @@ class Run:
                 raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
             self.step, self.seconds = saved.step, float(saved.state["seconds"])
             self.history, self.origin = saved.state["history"], saved.state["init"]
+            self._compare_precision(saved.state.get("precision"))
         else:
             kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate", "decay")
             past = {key: saved.config.as_dict()[key] for key in kept}
             self.origin = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
         return saved
+
+    def _compare_precision(self, before: str | None) -> None:
+        if before is not None and before != self.precision:
+            message = "this run has computed in %s and goes on in %s here; precision %s keeps what it had"
+            LOG.warning(message, before, self.precision, before)
+
+    def _count_beyond_range(self) -> float:
+        """Share of the truth, in pairs spread over those trained on, that no plane of the network reaches."""
+        seen = self.train_pairs[:: -(-len(self.train_pairs) // COUNTED_PAIRS)]
+        truths = [self.crops.truth(index) for index in seen]
+        known = sum(int((truth > 0).sum()) for truth in truths)
+        beyond = sum(int((truth >= self.config.max_disparity).sum()) for truth in truths)
+        if beyond:
+            message = (
+                "%.1f %% of the truth in %d training pairs lies beyond max_disparity, %d px, and is not learned from"
+            )
+            LOG.warning(message, 100 * beyond / known, len(seen), self.config.max_disparity)
+        return beyond / known if known else 0.0
 
     def fit(self) -> None:
         """Take every step that is left: first those of the coarse stage alone, then those of both."""
@@ -134,7 +171,8 @@ class Run:
     def _fit_stage(self, last: int, refined: bool, bar: tqdm[Any]) -> None:
         for name, parameter in self.network.named_parameters():
             in_refinement = name.startswith("refinement.")
-            parameter.requires_grad_(in_refinement if self.config.refine_only else refined or not in_refinement)
+            learns = in_refinement if self.config.refine_only else refined or not in_refinement
+            parameter.requires_grad_(learns and not name.startswith("confidence."))  # that is fitted at the end
         model: nn.Module = self.network
         if self.world > 1:
             model = DistributedDataParallel(self.network)
@@ -182,9 +220,9 @@ class Run:
     def _losses(self, maps: list[Tensor], truth: Tensor, window: Window | None, refined: bool) -> dict[str, Tensor]:
         """Return the weighted loss and the error of each map, on the grid of the views, of this batch."""
         truths = [truth] if window is None else [truth, window.of(truth)]
-        # Networks with stages of their own say how much each counts.
-        stages = getattr(self.network, "stage_weights", (self.config.coarse_weight, 1.0))
-        weights = stages if refined else (1.0,)
+        # Networks with stages of their own say how much each counts; those that are not computed yet have no map.
+        stages = getattr(self.network, "stage_weights", (self.config.coarse_weight, 1.0) if refined else (1.0,))
+        weights = stages[: len(maps)]
         total = torch.zeros((), device=self.device)
         report: dict[str, Tensor] = {}
         for index, (found, weight) in enumerate(zip(maps, weights, strict=True)):
@@ -215,16 +253,18 @@ class Run:
         return Window(top, left, tall, wide)
 
     def _autocast(self) -> Any:
-        wanted = self.config.precision
-        if wanted == "bf16" or (wanted == "auto" and bf16_pays(self.device)):
+        if self.precision == "bf16":
             return torch.autocast(self.device.type, dtype=torch.bfloat16)
         return nullcontext()
 
     def _validate(self, refined: bool, bar: tqdm[Any]) -> None:
         """Measure the error on whole held-out pairs; the first process does it while the others wait."""
-        if self.rank == 0 and self.held_out:
+        if self.rank == 0 and (self.held_out or self.watch):
             entry = {"step": float(self.step), "seconds": round(self.seconds, 1)}
-            entry.update(mean_errors(self.network, self.reader, self.held_out, refined=refined))
+            if self.held_out:
+                entry.update(mean_errors(self.network, self.reader, self.held_out, refined=refined))
+            if self.watch:
+                entry.update(self.watch(self.network, refined))
             self.history.append(entry)
             bar.write("  ".join(f"{name} {value:.4g}" for name, value in entry.items()), file=sys.stderr)
             self._write_summary()
@@ -238,6 +278,7 @@ class Run:
                 "seconds": self.seconds,
                 "history": self.history,
                 "dataset": self._dataset_note(),
+                "precision": self.precision,
                 "refine_margin": self.network.refine_margin,
                 "init": self.origin,
             }
@@ -247,7 +288,13 @@ class Run:
     def finish(self) -> None:
         """Fit the confidence on the held-out pairs and save the result."""
         if self.rank == 0 and self.held_out:
-            calibrate_confidence(self.network, self.reader, self.held_out, self.config.seed)
+            seed = self.config.seed
+            if self.network.confidence.surveyor is not None:
+                # From as many as the run has drawn; from several of each pair where this is all that the run is for.
+                drawn = self.config.steps * self.config.batch or CROPS_WITHOUT_STEPS * len(self.train_pairs)
+                teach_surveyor(self.network, self.crops, min(drawn, MOST_CROPS), seed)
+            spoilt = self._crops_of(self.held_out) if self.config.looks else None
+            fit_confidence(self.network, self.reader, self.held_out, seed, spoilt=spoilt)
         self.save()
 
     def _start_log(self, resume: bool) -> None:
@@ -276,8 +323,12 @@ class Run:
         (self.out / "log.json").write_text(json.dumps(summary, indent=1) + "\n")
 
     def _dataset_note(self) -> dict[str, Any]:
-        """Say which data the run sees: ``pairs`` counts those that it learns from, ``held_out`` those it does not."""
-        counts = {"pairs": len(self.train_pairs), "held_out": len(self.held_out)}
+        """Say which data the run sees.
+
+        ``pairs`` counts those that it learns from, ``held_out`` those it does not; ``beyond_range`` is the share of the
+        truth that it leaves out, as counted at the start.
+        """
+        counts = {"pairs": len(self.train_pairs), "held_out": len(self.held_out), "beyond_range": self.beyond_range}
         return {"name": self.reader.name, "sha256": self.reader.sha256, **counts}
 
 
@@ -286,6 +337,13 @@ def bf16_pays(device: torch.device) -> bool:
     if device.type == "cuda":
         return True
     return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
+
+
+def _precision(wanted: str, device: torch.device) -> str:
+    """Return what a run computes in there: bf16 or fp32."""
+    if wanted != "auto":
+        return wanted
+    return "bf16" if bf16_pays(device) else "fp32"
 
 
 def _device(name: str) -> torch.device:

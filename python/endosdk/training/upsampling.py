@@ -31,18 +31,19 @@ def on_input_grid(
 ) -> list[Tensor]:
     """Bring the maps of a prediction to the grid of the left view [N, 3, H, W], 0..255, that the last one covers.
 
-    The last map is taken in the cells of the deployed form; where those are larger than pixels it is upsampled guided
-    by the view. Coarser maps are upsampled bilinearly: they are never shown.
+    The last map is taken in the cells of the deployed form. Where those are larger than pixels, joint bilateral
+    upsampling follows. Coarser maps are upsampled bilinearly: they are never shown.
     """
     stride = network.output_stride
     maps = [found.float() for found in prediction.disparities]
     if network.deployed_stride == 1 or not refined:
         return [to_input_grid(found, stride) for found in maps]
     with torch.no_grad():
-        known = prediction._replace(evidence=prediction.evidence.float())
-        log_scale = log_scale_of(network.in_cells(network.trust(known)))
-    guided = joint_bilateral_upsampling(network.in_cells(maps[-1]), log_scale, left)
-    return [*(to_input_grid(found, stride) for found in maps[:-1]), guided]
+        clues = None if prediction.clues is None else prediction.clues.float()
+        known = prediction._replace(evidence=prediction.evidence.float(), clues=clues)
+        log_scale = log_scale_of(network.as_deployed(network.trust(known)))
+    upsampled = joint_bilateral_upsampling(network.as_deployed(maps[-1]), log_scale, left)
+    return [*(to_input_grid(found, stride) for found in maps[:-1]), upsampled]
 
 
 def joint_bilateral_upsampling(disparity: Tensor, log_scale: Tensor, view: Tensor) -> Tensor:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -15,18 +14,18 @@ from torch import Tensor
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.errors import DatasetInvalid, InferenceFailed
 from endosdk.evaluation.scores import ScoreBoard
-from endosdk.jobs.progress import progress
+from endosdk.io.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.networks.base import StereoNetwork
 from endosdk.training.upsampling import on_input_grid, to_input_grid
 
 
-class Frame(NamedTuple):
+class SeenFrame(NamedTuple):
     """What a network says about one pair, at the size of the frame."""
 
     sample: Sample
     maps: list[NDArray[np.float32]]  # coarse to fine, each [H, W], px of the frame
-    evidence: Tensor  # [K, H, W]
+    columns: Tensor  # [K, H, W], what the confidence is linear in
     reduction: float  # pixels of the frame per pixel that the network saw
 
 
@@ -39,7 +38,7 @@ def pad_to_multiple(image: Tensor, multiple: int) -> Tensor:
 @torch.inference_mode()
 def predict_frames(
     network: StereoNetwork, reader: DatasetReader, indices: Sequence[int], *, refined: bool = True, title: str = ""
-) -> Iterator[Frame]:
+) -> Iterator[SeenFrame]:
     """Run the network in evaluation mode over whole pairs, with a progress bar when there is a title."""
     device = next(network.parameters()).device
     network.eval()
@@ -54,9 +53,9 @@ def predict_frames(
             factor * _to_frame(found, size, sample)[0].numpy()
             for found in on_input_grid(network, prediction, left, refined=refined)
         ]
-        evidence = to_input_grid(network.on_answer_grid(prediction.evidence), network.output_stride)
-        evidence = _to_frame(evidence, size, sample)
-        yield Frame(sample, maps, evidence, factor)
+        columns = network.confidence.columns(prediction.evidence, prediction.clues)
+        columns = to_input_grid(network.on_answer_grid(columns), network.output_stride)
+        yield SeenFrame(sample, maps, _to_frame(columns, size, sample), factor)
 
 
 def _to_frame(values: Tensor, size: tuple[int, int], sample: Sample) -> Tensor:
@@ -83,7 +82,7 @@ def mean_errors(
     results = {name: board.result()["all"] for name, board in boards.items()}
     if not results[names[0]]["pixels"]:
         raise DatasetInvalid("dataset", "must have truth in the held-out pairs", f"none in {reader.name}")
-    if not all(result["answered"] for result in results.values()):
+    if not all(result["valid"] for result in results.values()):
         rule = "must answer with numbers; a run whose weights have become none needs a smaller rate"
         raise InferenceFailed("network", rule, "NaN in every pixel")
     return {**{name: result["epe_px"] for name, result in results.items()}, "over_1px": results[names[-1]]["kpe_1"]}
@@ -94,10 +93,10 @@ def full_scores(network: StereoNetwork, reader: DatasetReader) -> dict[str, Any]
     board = ScoreBoard()
     for frame in predict_frames(network, reader, range(len(reader)), title="test split"):
         sample, disparity = frame.sample, frame.maps[-1]
-        scale = torch.exp(network.confidence.log_scale(frame.evidence[None]))[0, 0].numpy()
-        # Depth error of a Laplace law of scale b: its standard deviation, sqrt(2) b px of the frame, brought to mm.
+        scale = torch.exp(network.confidence.scale_of(frame.columns[None]))[0, 0].numpy()
+        # As the frame path states it: the scale of the Laplace law, in px of the frame, brought to mm.
         reach = np.maximum(disparity + sample.doffs, 0.5)
-        sigma = sample.focal_px * sample.baseline_mm / reach**2 * math.sqrt(2.0) * scale * frame.reduction
+        sigma = sample.focal_px * sample.baseline_mm / reach**2 * scale * frame.reduction
         board.add(
             disparity,
             sample.disparity,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.calibration.files import foundationstereo, kalibr, native, opencv, ros, text_folder
-from endosdk.calibration.files.raw import RawCalibration, StatedRig, finish, read_text, yaml_mapping
+from endosdk.calibration.files.stated import RawCalibration, StatedRig, finish, read_text, yaml_mapping
 from endosdk.errors import CalibrationUnreadable, InvalidArgument
 from endosdk.io.bounded_read import is_there
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endosdk.calibration.files.raw import RawCalibration, matrix, read_numbers
+from endosdk.calibration.files.stated import RawCalibration, matrix, read_numbers
 from endosdk.errors import CalibrationUnreadable, InvalidArgument
 
 

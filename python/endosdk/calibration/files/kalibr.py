@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.files.raw import RawCalibration, matrix, picture_size, required, yaml_mapping
+from endosdk.calibration.files.stated import RawCalibration, matrix, picture_size, required, yaml_mapping
 from endosdk.calibration.rules import CameraModel
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from endosdk.calibration.files.raw import StatedRig, read_text, refusal, required, yaml_mapping
+from endosdk.calibration.files.stated import StatedRig, read_text, refusal, required, yaml_mapping
 from endosdk.calibration.rules import check_size
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
 from endosdk.io.bounded_read import Refused
@@ -103,14 +103,15 @@ def write(content: Mapping[str, Any], sha256: str, path: Path) -> None:
     """
     document = {"format": FORMAT, "version": VERSION, **content, "sha256": sha256}
     if path.suffix.lower() in (".yaml", ".yml"):
-        write_text(path, yaml.dump(document, Dumper=_NumbersInLines, sort_keys=False, width=120))
+        write_text(path, yaml.dump(document, Dumper=NumbersInLines, sort_keys=False, width=120))
     else:
         write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
-class _NumbersInLines(yaml.SafeDumper):
+class NumbersInLines(yaml.SafeDumper):
     """Writes a list of numbers in one line, a float with every digit that it needs."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> yaml.SequenceNode:
+        """Write a list without lists in it in one line."""
         flat = not any(isinstance(item, list) for item in sequence)
         return super().represent_sequence(tag, sequence, flow_style=flat)

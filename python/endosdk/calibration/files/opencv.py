@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.calibration.files.raw import RawCalibration, matrix, picture_size, read_text, refusal
+from endosdk.calibration.files.stated import RawCalibration, matrix, picture_size, read_text, refusal
 from endosdk.errors import CalibrationUnreadable
 from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json, parse_opencv_xml, parse_yaml

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.files.raw import RawCalibration, matrix, read_numbers
+from endosdk.calibration.files.stated import RawCalibration, matrix, read_numbers
 from endosdk.errors import CalibrationUnreadable, InvalidArgument
 
 Matrix = npt.NDArray[np.float64]

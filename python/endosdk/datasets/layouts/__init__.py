@@ -7,6 +7,7 @@ from pathlib import Path
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts.kitti import KittiReader
 from endosdk.datasets.layouts.middlebury import MiddleburyReader
+from endosdk.datasets.layouts.plain import PlainReader
 from endosdk.datasets.layouts.public import PublicReader
 from endosdk.datasets.layouts.scared import ScaredReader
 from endosdk.datasets.layouts.servct import ServCtReader
@@ -15,6 +16,7 @@ from endosdk.errors import InvalidArgument
 READERS: dict[str, type[PublicReader]] = {
     "kitti": KittiReader,
     "middlebury": MiddleburyReader,
+    "plain": PlainReader,
     "scared": ScaredReader,
     "servct": ServCtReader,
 }

@@ -47,6 +47,10 @@ class ScaredReader(PublicReader):
                 found[f"{name}/{points.stem.removeprefix('scene_points')}"] = (video, points, calibration)
         return found
 
+    def film(self, index: int) -> str:
+        """Name the keyframe around which a sample was filmed."""
+        return "/".join(self.ids[index].split("/")[:2])
+
     def read(self, sample_id: str, files: tuple[Path, ...]) -> Sample:
         """Read and rectify one frame."""
         *views, cloud, calibration = files

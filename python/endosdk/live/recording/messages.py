@@ -40,7 +40,7 @@ class Message(NamedTuple):
 
 def messages(recording: Recording, types: Any, ros1: bool) -> Iterator[Message]:
     """Yield the messages of a recording in the order of time; ``types`` are the classes of a store of rosbags."""
-    make = _Maker(types, ros1)
+    make = MessageMaker(types, ros1)
     rig = recording.calibration
     frames: Iterator[Frame | None] = iter(recording) if recording.settings["pictures"] else iter(lambda: None, 0)
     for (line, values), frame in zip(recording.maps(), frames, strict=False):
@@ -61,20 +61,25 @@ def messages(recording: Recording, types: Any, ros1: bool) -> Iterator[Message]:
         yield Message("/stereo/result", at, types["std_msgs/msg/String"](data=json.dumps(line)))
 
 
-class _Maker:
+class MessageMaker:
+    """Makes messages of the classes of a store of rosbags, with the fields of ROS 1 or 2."""
+
     def __init__(self, types: Any, ros1: bool) -> None:
         self._types = types
         self._ros1 = ros1
 
     def header(self, at: int, frame_id: str) -> Any:
+        """Return a header with a stamp in ns."""
         stamp = self._types["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
         number = {"seq": 0} if self._ros1 else {}
         return self._types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id, **number)
 
     def picture(self, at: int, frame_id: str, picture: Picture) -> Any:
+        """Return RGB as an Image."""
         return self._image(at, frame_id, picture, "rgb8", 3)
 
     def map(self, at: int, values: npt.NDArray[np.float32]) -> Any:
+        """Return float32 as an Image."""
         return self._image(at, LEFT, np.ascontiguousarray(values, np.float32), "32FC1", 4)
 
     def _image(self, at: int, frame_id: str, array: npt.NDArray[Any], encoding: str, pixel_bytes: int) -> Any:
@@ -90,6 +95,7 @@ class _Maker:
         )
 
     def camera(self, at: int, frame_id: str, rig: StereoCalibration, geometry: RectifiedGeometry) -> Any:
+        """Return a view's CameraInfo; ``frame_id`` says which."""
         left = frame_id == LEFT
         projection = (geometry.P1 if left else geometry.P2).copy()
         projection[:, 3] /= 1000
@@ -113,6 +119,7 @@ class _Maker:
         )
 
     def disparity(self, at: int, values: npt.NDArray[np.float32], geometry: RectifiedGeometry | None) -> Any:
+        """Return a disparity as DisparityImage."""
         known = values[np.isfinite(values)]
         return self._types["stereo_msgs/msg/DisparityImage"](
             header=self.header(at, LEFT),
@@ -126,6 +133,7 @@ class _Maker:
         )
 
     def points(self, at: int, depth: npt.NDArray[np.float32], geometry: RectifiedGeometry) -> Any:
+        """Return a depth in mm as PointCloud2, without the pixels that have none."""
         rows, columns = np.nonzero(np.isfinite(depth))
         z = depth[rows, columns] / 1000
         x = (columns - geometry.cx) / geometry.focal_px * z

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.errors import InvalidArgument
-from endosdk.io.whole_files import PARTIAL
-from endosdk.jobs.progress import progress
+from endosdk.io.progress import progress
+from endosdk.io.whole_files import whole_path
 from endosdk.live.answers import answers
 from endosdk.live.recording.recorder import LINES, RECORD, Recorder, lines_of
 from endosdk.live.recording.recording import TRACKS, Recording, files_of
 from endosdk.live.recording.video_files import mux
-from endosdk.live.sources.base import Source
+from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
 
 UNFINISHED = ".unfinished"  # added to a file's name: the folder that it is made of
@@ -23,9 +23,17 @@ FILES = (".mkv", ".mcap", ".bag")
 
 
 def record(
-    source: Source, estimator: DepthEstimator, out: Path, *, pictures: bool = True, most: int | None = None
+    source: Source,
+    estimator: DepthEstimator,
+    out: Path,
+    *,
+    pictures: bool = True,
+    most: int | None = None,
+    temporal: bool = False,
 ) -> dict[str, Any]:
-    """Record until the source ends, or after ``most`` frames; return counts of each status and of what went wrong.
+    """Record until the source ends, or after ``most`` frames; return counts of each status and what went wrong.
+
+    ``temporal`` is that of `DepthEstimator.stream`.
 
     ``out`` is a folder, or a file that ends in one of `FILES`. What was begun there and stopped goes on. A source that
     is live cannot be continued. Raises InvalidArgument, StorageFailed, SourceFailed; what was written stays.
@@ -33,12 +41,12 @@ def record(
     is_file = out.suffix.lower() in FILES
     if is_file and out.exists():
         raise InvalidArgument("out", "must not exist yet", out)
-    folder = out.with_name(out.name + UNFINISHED) if is_file else out
-    recorder = Recorder(folder, estimator, source, pictures=pictures)
+    folder = _folder_of(out)
+    recorder = Recorder(folder, estimator, source, pictures=pictures, temporal=temporal)
     if recorder.frames and not recorder.complete and source.live:
         raise InvalidArgument("out", "must be new: a live source cannot be continued", out)
     if not recorder.complete:
-        _fill(recorder, source, estimator, most)
+        _fill(recorder, source, estimator, most, temporal)
     lines = [json.loads(line) for line in lines_of(folder)]
     if is_file:
         export(Recording(folder), out)
@@ -47,17 +55,28 @@ def record(
         "frames": len(lines),
         "status": dict(Counter(line["status"] for line in lines)),
         "faults": [f"frame {line['number']}: {line['fault']}" for line in lines if line["fault"]],
+        "notes": list(source.faults),
         "dropped": source.dropped,
     }
 
 
-def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: int | None) -> None:
+def begun(out: Path) -> tuple[Path, int]:
+    """Return the folder that holds what was recorded of ``out`` so far, and how many frames it has."""
+    folder = _folder_of(out)
+    return folder, len(lines_of(folder))
+
+
+def _folder_of(out: Path) -> Path:
+    return out.with_name(out.name + UNFINISHED) if out.suffix.lower() in FILES else out
+
+
+def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: int | None, temporal: bool) -> None:
     done = 0
     total = most if source.count is None else min(source.count, most or source.count)
     left = None if total is None else total - recorder.frames
     try:
         with progress(total=left, unit="frame") as bar:
-            for frame, result in answers(estimator, source.frames(recorder.next_number), reuse=True):
+            for frame, result in answers(estimator, source.frames(recorder.next_number), reuse=True, temporal=temporal):
                 recorder.add(frame, result)
                 bar.update()
                 done += 1
@@ -71,17 +90,13 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
 
 def export(recording: Recording, out: Path) -> None:
     """Write a recording as one Matroska file, one MCAP file, a ROS 1 bag (``.bag``) or a ROS 2 bag (a folder)."""
-    partial = out.with_name(f"{PARTIAL}{out.name}")
-    if partial.is_dir():
-        shutil.rmtree(partial)
-    partial.unlink(missing_ok=True)
-    if out.suffix.lower() == ".mkv":
-        _write_matroska(recording, partial)
-    else:
-        from endosdk.live.recording.bags import write_bag
+    with whole_path(out, "out") as partial:
+        if out.suffix.lower() == ".mkv":
+            _write_matroska(recording, partial)
+        else:
+            from endosdk.live.recording.bags import write_bag
 
-        write_bag(recording, partial, out.suffix.lower())
-    partial.rename(out)
+            write_bag(recording, partial, out.suffix.lower())
 
 
 def _write_matroska(recording: Recording, out: Path) -> None:

@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import InvalidArgument, StorageFailed
-from endosdk.io.overview import preview, robust_range
-from endosdk.io.whole_files import remove_partials, whole_folder, write_text
+from endosdk.errors import StorageFailed
+from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.whole_files import whole_folder, write_text
 from endosdk.live.frames import Frame
-from endosdk.live.recording.maps import STEPS, described, shares_of, to_levels
+from endosdk.live.recording.sixteen_bits import STEPS, described, shares_of, to_levels
 from endosdk.live.recording.video_files import VideoWriter, join
-from endosdk.live.sources.base import DEFAULT_RATE, Source
+from endosdk.live.sources.source import DEFAULT_RATE, Source
 from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.overview import preview, robust_range
 from endosdk.runtime.result import DepthResult
 
 FORMAT_VERSION = 1
@@ -37,18 +38,22 @@ class Recorder:
     number of the first frame that is missing. Raises InvalidArgument where ``out`` holds something else, StorageFailed.
     """
 
-    def __init__(self, out: Path, estimator: DepthEstimator, source: Source, *, pictures: bool = True) -> None:
+    def __init__(
+        self, out: Path, estimator: DepthEstimator, source: Source, *, pictures: bool = True, temporal: bool = False
+    ) -> None:
         self.out = out
         self._estimator = estimator
-        self._settings = settings_of(estimator, source, pictures)
+        self._settings = settings_of(estimator, source, pictures, temporal)
         self._pictures = pictures
         self._part = ExitStack()
         self._writers: dict[str, VideoWriter] = {}
         self._lines: list[str] = []
         self._record = _claimed(out, self._settings)
+        if not self.complete:
+            (out / PARTS).mkdir(exist_ok=True)
         done = [json.loads(line) for line in lines_of(out)]
         self.next_number = done[-1]["number"] + 1 if done else 0
-        self._count = len(list((out / PARTS).iterdir())) if (out / PARTS).is_dir() else 0
+        self._count = 0 if self.complete else len(list((out / PARTS).iterdir()))
         self.frames = len(done)
 
     @property
@@ -119,7 +124,7 @@ class Recorder:
     def _abandon(self, error: BaseException) -> None:
         """Remove the part that is not whole."""
         self._writers = {}
-        with suppress(StorageFailed):  # the error that is told is the first one
+        with suppress(StorageFailed):  # the error that is raised is the first one
             self._part.__exit__(type(error), error, error.__traceback__)
 
     def _join(self) -> None:
@@ -136,7 +141,7 @@ class Recorder:
         write_text(self.out / RECORD, json.dumps(self._record, indent=1) + "\n", "out")
 
 
-def settings_of(estimator: DepthEstimator, source: Source, pictures: bool) -> dict[str, Any]:
+def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, temporal: bool) -> dict[str, Any]:
     """Return what a recording depends on."""
     rig, model = estimator.calibration, estimator.model
     quantity = "disparity" if rig is None else "depth"
@@ -147,11 +152,12 @@ def settings_of(estimator: DepthEstimator, source: Source, pictures: bool) -> di
         "calibration": None if rig is None else rig.content(),
         "map": {"name": quantity, "unit": "px" if rig is None else "mm", "step": STEPS[quantity]},
         "pictures": pictures,
+        "temporal": temporal,
     }
 
 
 def line_of(frame: Frame, result: DepthResult) -> dict[str, Any]:
-    """Return the line on one frame. A tag that is no JSON is told in words."""
+    """Return the line on one frame. A tag that is no JSON is written as text."""
     times = result.timings
     return {
         "number": frame.number,
@@ -159,7 +165,7 @@ def line_of(frame: Frame, result: DepthResult) -> dict[str, Any]:
         "tag": frame.tag if _is_json(frame.tag) else repr(frame.tag),
         "fault": frame.fault,
         "status": result.status.name,
-        "causes": [str(getattr(cause, "name", cause)) for cause in getattr(result, "causes", ())],
+        "causes": {cause.name: round(measure, 5) for cause, measure in result.causes.items()},
         "valid_share": round(result.valid_share, 5),
         "reasons": {name: round(share, 5) for name, share in shares_of(result.reasons).items()},
         **described(result),
@@ -184,24 +190,13 @@ def _claimed(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
         "format_version": FORMAT_VERSION, "settings": settings, "begun_ns": None, "preview_range": None,
         "complete": False,
     }  # fmt: skip
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if (out / RECORD).is_file():
-            record: dict[str, Any] = json.loads((out / RECORD).read_text())
-            if record.get("format_version") != FORMAT_VERSION or record.get("settings") != settings:
-                rule = "must be new, or a recording of the same source, model and rig, begun by this version"
-                raise InvalidArgument("out", rule, out)
-            remove_partials(out)
-            return record
-        if any(out.iterdir()):
-            raise InvalidArgument("out", "must be an empty or new folder, or a recording begun there", out)
-        (out / PARTS).mkdir()
-        write_text(out / RECORD, json.dumps(fresh, indent=1) + "\n", "out")
-    except (OSError, ValueError) as error:
-        if isinstance(error, InvalidArgument | StorageFailed):
-            raise
-        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
-    return fresh
+    return claim_folder(
+        out,
+        RECORD,
+        fresh,
+        lambda begun: (begun.get("format_version"), begun.get("settings")) == (FORMAT_VERSION, settings),
+        "must be new, or a recording of the same source, model and rig, begun by this version",
+    )
 
 
 def _is_json(tag: object) -> bool:

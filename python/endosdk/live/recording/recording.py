@@ -13,10 +13,10 @@ import numpy.typing as npt
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.live.frames import Frame
-from endosdk.live.recording.maps import from_levels
 from endosdk.live.recording.recorder import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of
-from endosdk.live.sources.base import Source, log
+from endosdk.live.recording.sixteen_bits import from_levels
 from endosdk.live.sources.decoder import load_av
+from endosdk.live.sources.source import Source, log
 from endosdk.live.sources.views import split
 
 Map = npt.NDArray[np.float32]
@@ -32,6 +32,10 @@ class Recording(Source):
 
     def __init__(self, path: Path) -> None:
         super().__init__(str(path))
+        if not path.exists():
+            raise InvalidArgument(
+                "source", "must be a folder or file that endosdk run wrote", f"{path}, which is not there"
+            )
         try:
             text, lines = _attached(path) if path.is_file() else ((path / RECORD).read_text(), lines_of(path))
             record = json.loads(text)

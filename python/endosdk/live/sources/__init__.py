@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.live.sources.base import Layout, Queue, Scan, Source, SourceOptions
+from endosdk.live.sources.source import Layout, Queue, Scan, Source, SourceOptions
 
 __all__ = ["Layout", "Queue", "Scan", "Source", "open_source"]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from endosdk.errors import DependencyMissing, InvalidArgument, SourceFailed
 from endosdk.live.frames import Frame, Picture
-from endosdk.live.sources.base import Clock, Source
+from endosdk.live.sources.source import Clock, Source
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
@@ -68,7 +68,7 @@ class Bag(Source):
                 message = reader.deserialize(data, connection.msgtype)
                 stamp = message.header.stamp
                 at = stamp.sec * 10**9 + stamp.nanosec or received
-                waiting[self._topics[connection.topic]].append((at, _picture(message, connection.topic)))
+                waiting[self._topics[connection.topic]].append((at, picture_of(message, connection.topic)))
                 for left, right in self._together(*waiting):
                     if number >= start:
                         yield Frame(left[1], right[1], number, left[0])
@@ -77,7 +77,7 @@ class Bag(Source):
     def _together(
         self, left: deque[tuple[int, Picture]], right: deque[tuple[int, Picture]]
     ) -> Iterator[tuple[tuple[int, Picture], tuple[int, Picture]]]:
-        """Take the pairs out of what waits; a picture whose partner never comes is told."""
+        """Take the pairs out of what waits; a picture whose partner never comes is reported."""
         while left and right:
             apart = left[0][0] - right[0][0]
             if abs(apart) <= MOST_APART_NS:
@@ -90,18 +90,23 @@ class Bag(Source):
             raise SourceFailed("source", "both topics must go on", f"{MOST_WAITING} pictures of one side alone")
 
 
-def _picture(message: Any, topic: str) -> Picture:
+def picture_of(message: Any, topic: str) -> Picture:
+    """Return the RGB of an Image or CompressedImage; ``topic`` names it in errors."""
     import cv2
 
+    content = message.data  # rospy gives bytes, rclpy an array.array, rosbags an array of NumPy
+    pixels = np.frombuffer(content, np.uint8) if isinstance(content, bytes) else np.asarray(content, np.uint8)
     if hasattr(message, "format"):
-        picture = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_COLOR)
+        picture = cv2.imdecode(pixels, cv2.IMREAD_COLOR)
         if picture is None:
             raise SourceFailed("source", "must hold pictures that OpenCV can read", topic)
         return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
     if message.encoding not in CHANNELS:
         raise InvalidArgument("source", f"pictures must be one of {', '.join(CHANNELS)}", message.encoding)
     channels = CHANNELS[message.encoding]
-    rows = np.asarray(message.data).reshape(message.height, message.step)
+    if pixels.size != message.height * message.step:
+        raise InvalidArgument("source", f"{topic} must hold {message.height} rows of {message.step} bytes", pixels.size)
+    rows = pixels.reshape(message.height, message.step)
     picture = rows[:, : message.width * channels].reshape(message.height, message.width, channels)[..., :3]
     if channels == 1:
         picture = np.repeat(picture, 3, axis=2)

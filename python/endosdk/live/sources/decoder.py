@@ -13,7 +13,7 @@ import numpy as np
 
 from endosdk.errors import DependencyMissing, SourceFailed
 from endosdk.live.frames import Picture
-from endosdk.live.sources.base import DEFAULT_RATE, Scan, stamp_of
+from endosdk.live.sources.source import DEFAULT_RATE, Scan, stamp_of
 
 if TYPE_CHECKING:
     import av
@@ -41,12 +41,33 @@ def load_av() -> Any:
     return av
 
 
+def reason_of(error: Exception) -> str:
+    """Return what an error of FFmpeg says, without PyAV's numbers."""
+    said = getattr(error, "strerror", None) or str(error)
+    last = getattr(error, "log", None)  # level, component, message
+    return f"{said} ({last[2].strip()})" if last else said
+
+
+class Counted:
+    """A pipe that knows how many bytes came through it."""
+
+    def __init__(self, pipe: BinaryIO) -> None:
+        self._pipe = pipe
+        self.count = 0
+
+    def read(self, size: int = -1) -> bytes:
+        """Return the next bytes, as the pipe does."""
+        content = self._pipe.read(size)
+        self.count += len(content)
+        return content
+
+
 class Decoder:
-    """One video stream that is open. ``name`` is what errors call it; ``note`` is told what goes wrong on the way."""
+    """One video stream that is open. ``name`` is what errors call it; ``note`` is called with what goes wrong."""
 
     def __init__(
         self,
-        file: str | BinaryIO,
+        file: str | Counted,
         name: str,
         note: Callable[[str], None],
         *,
@@ -62,7 +83,8 @@ class Decoder:
         try:
             self._container = self._av.open(file, format=container, options=dict(options or {}))
         except (self._av.FFmpegError, OSError, ValueError) as error:
-            raise SourceFailed("source", "must be a video that FFmpeg can read", f"{name}: {error}") from error
+            rule = "must be a video that FFmpeg can read"
+            raise SourceFailed("source", rule, f"{name}: {reason_of(error)}") from error
         if len(self._container.streams.video) <= stream:
             self.close()
             raise SourceFailed("source", "must hold a video stream", name)
@@ -70,6 +92,7 @@ class Decoder:
         self._stream.thread_type = "AUTO"
         self._graph: av.filter.Graph | None = None
         self._size: tuple[int, int] | None = None
+        self._end_of_whole: int | None = None
 
     @property
     def rate(self) -> float:
@@ -87,6 +110,11 @@ class Decoder:
         duration = self._container.duration
         return None if duration is None else round(duration * 1e9 / self._av.time_base)
 
+    @property
+    def end_of_whole(self) -> int | None:
+        """Where the last packet that is whole ends, in bytes; None before the first, and where nobody knows."""
+        return self._end_of_whole
+
     def close(self) -> None:
         """Close the file."""
         self._container.close()
@@ -101,6 +129,8 @@ class Decoder:
             self._size = size
             stamp = stamp_of(number, self.rate) if frame.pts is None else round(frame.pts * frame.time_base * 10**9)
             picture = np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+            if frame.is_corrupt:
+                self._note(f"picture {number}: {DAMAGED}")
             yield Decoded(picture, stamp, DAMAGED if frame.is_corrupt else None)
             number += 1
 
@@ -112,9 +142,11 @@ class Decoder:
             except StopIteration:
                 return
             except self._av.FFmpegError as error:
-                raise SourceFailed("source", "ended with an error", f"{self._name}: {error}") from error
+                raise SourceFailed("source", "ended with an error", f"{self._name}: {reason_of(error)}") from error
             if packet.is_corrupt:
                 self._note("a packet is cut short")
+            elif packet.size and packet.pos is not None:
+                self._end_of_whole = packet.pos + packet.size
             try:
                 yield from packet.decode()
             except self._av.EOFError:

@@ -8,7 +8,7 @@ from pathlib import Path
 from endosdk.io.picture_pairs import pair_pictures
 from endosdk.io.pictures import read_frame
 from endosdk.live.frames import Frame
-from endosdk.live.sources.base import DEFAULT_RATE, Clock, Source, SourceOptions, stamp_of
+from endosdk.live.sources.source import DEFAULT_RATE, Clock, Source, SourceOptions, stamp_of
 
 
 class Folders(Source):

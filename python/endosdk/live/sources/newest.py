@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 
 from endosdk.live.frames import Frame
-from endosdk.live.sources.base import Clock, Source
+from endosdk.live.sources.source import Clock, Source
 
 CLOSING_PATIENCE_S = 1.0
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from endosdk.errors import InvalidArgument
 from endosdk.live.frames import Picture
-from endosdk.live.sources.base import Layout
+from endosdk.live.sources.source import Layout
 
 
 def split(picture: Picture, layout: Layout) -> tuple[Picture, Picture]:

@@ -7,8 +7,8 @@ from pathlib import Path
 from endosdk.errors import InvalidArgument
 from endosdk.live.recording.recording import Recording, is_recording
 from endosdk.live.sources.bag import Bag, is_bag
-from endosdk.live.sources.base import Source, SourceOptions
 from endosdk.live.sources.newest import Newest
+from endosdk.live.sources.source import Source, SourceOptions
 
 VIDEO_DEVICE = "/dev/video"
 RULE = (
@@ -45,11 +45,11 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
     (word,) = words
     path = Path(word)
     if word == "-":
-        from endosdk.live.sources.video import standard_input
+        from endosdk.live.sources.video_input import standard_input
 
         return standard_input(options)
     if word.startswith(VIDEO_DEVICE):
-        from endosdk.live.sources.camera import Camera
+        from endosdk.live.sources.v4l2 import Camera
 
         return Camera(word, options)
     if path.exists() and is_bag(path):
@@ -60,7 +60,7 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
         raise InvalidArgument("source", RULE, repr(word))
     if is_recording(path):
         return Recording(path)
-    from endosdk.live.sources.video import VideoFile
+    from endosdk.live.sources.video_input import VideoFile
 
     return VideoFile(path, options)
 
@@ -80,11 +80,11 @@ def _opened_two(words: list[str], options: SourceOptions) -> Source:
 
         return Folders(left, right, options)
     if all(word.startswith(VIDEO_DEVICE) for word in words):
-        from endosdk.live.sources.camera import TwoCameras
+        from endosdk.live.sources.v4l2 import TwoCameras
 
         return TwoCameras(words[0], words[1], options)
     if left.is_file() and right.is_file():
-        from endosdk.live.sources.video import TwoVideos
+        from endosdk.live.sources.video_input import TwoVideos
 
         return TwoVideos(left, right, options)
     raise InvalidArgument("source", "two names must be two folders, two files or two video devices", words)

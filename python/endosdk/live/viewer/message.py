@@ -7,16 +7,18 @@ of the rectified left view, the map as uint16 (0 where there is no value) and th
 from __future__ import annotations
 
 import json
+import math
 import struct
 from typing import Any
 
 import numpy as np
 
-from endosdk.io.overview import robust_range
+from endosdk import _core
 from endosdk.live.frames import Picture
-from endosdk.live.recording.maps import shares_of
+from endosdk.live.recording.sixteen_bits import shares_of
 from endosdk.live.viewer.player import Shown
-from endosdk.runtime.result import DepthResult
+from endosdk.runtime.overview import robust_range
+from endosdk.runtime.result import Cause, DepthResult
 
 WIDEST_MAP = 480  # px that the page is sent of a map
 WIDEST_PICTURE = 960
@@ -67,12 +69,35 @@ def described(shown: Shown) -> dict[str, Any]:
         "turn": shown.turn,
         "fault": shown.frame.fault,
         "status": result.status.name,
-        "causes": [str(getattr(cause, "name", cause)) for cause in getattr(result, "causes", ())],
+        "causes": [_cause(cause, measure) for cause, measure in result.causes.items()],
         "valid_share": result.valid_share,
         "reasons": shares_of(result.reasons),
         "milliseconds": {"rectify": times.rectify_ms, "session": times.session_ms, "postprocess": times.postprocess_ms},
         "delay_ms": shown.delay_ms,
         "frames_per_second": shown.frames_per_second,
+        **_health(result),
+    }
+
+
+def _health(result: DepthResult) -> dict[str, float | None]:
+    """Return what the pictures tell of the rig: rows that do not match, and the turn of the right camera, degrees."""
+    rig = result.rig
+    turn = None if rig is None else rig.steady_rotation_deg
+    return {
+        "rows_off_px": None if rig is None else rig.vertical_disparity_px,
+        "turn_deg": None if turn is None else math.hypot(*turn),
+    }
+
+
+def _cause(cause: Cause, measure: float) -> dict[str, Any]:
+    """Return what the page says of one cause: its name, what was measured, and what to do."""
+    fact = _core.cause_facts[cause]
+    return {
+        "name": cause.name,
+        "value": measure,
+        "measure": fact["measure"],
+        "meaning": fact["meaning"],
+        "remedy": fact["remedy"],
     }
 
 

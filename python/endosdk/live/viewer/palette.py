@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.io.overview import REASON_STYLE, colour_map
+from endosdk.runtime.overview import REASON_STYLE, colour_map
 
 
 def legend() -> dict[str, Any]:

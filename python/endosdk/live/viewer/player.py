@@ -13,7 +13,7 @@ from endosdk.errors import EndoError, InvalidArgument
 from endosdk.live.answers import answers
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.recording.recorder import Recorder
-from endosdk.live.sources.base import Source
+from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.result import DepthResult
 
@@ -35,16 +35,20 @@ class Shown:
 class Player:
     """Computes depth of ``source`` as fast as it comes: a file no faster than it was taken.
 
-    `latest` is the newest answer. ``error`` is what ended the source, ``ended`` says that it has no more frames.
+    ``temporal`` is that of `DepthEstimator.stream`. `latest` is the newest answer. ``error`` is what ended the source
+    or a recording, ``ended`` says that there are no more frames.
     """
 
-    def __init__(self, estimator: DepthEstimator, source: Source, *, playing: bool = True) -> None:
+    def __init__(
+        self, estimator: DepthEstimator, source: Source, *, playing: bool = True, temporal: bool = False
+    ) -> None:
         self.estimator = estimator
         self.source = source
+        self._temporal = temporal
         self.latest: Shown | None = None
         self.error: EndoError | None = None
         self.ended = False
-        self.listeners: list[Callable[[Shown], None]] = []  # told of every answer, on the player's thread
+        self.listeners: list[Callable[[Shown], None]] = []  # called with every answer, on the player's thread
         self._change = threading.Condition()  # guards everything below
         self._playing = playing
         self._steps = 0
@@ -100,7 +104,7 @@ class Player:
         if out is not None:
             if out.exists():
                 raise InvalidArgument("out", "must not exist yet", out)
-            recorder = Recorder(out, self.estimator, self.source)
+            recorder = Recorder(out, self.estimator, self.source, temporal=self._temporal)
         with self._change:
             self._recorder, before = recorder, self._recorder
         if before is not None:
@@ -116,9 +120,9 @@ class Player:
         self.record(None)
         self.source.close()
 
-    def left_view(self, shown: Shown) -> tuple[Picture, Picture]:
-        """Return both views of an answer, rectified: what its maps belong to."""
-        return self.estimator.rectify(shown.frame.left, shown.frame.right)
+    def left_view(self, shown: Shown) -> Picture:
+        """Return the left view of an answer, rectified: what its maps belong to."""
+        return self.estimator.rectify(shown.frame.left, shown.frame.right)[0]
 
     def _set(self, playing: bool) -> None:
         with self._change:
@@ -131,7 +135,7 @@ class Player:
         while not self._closed:
             self.ended, self._restart = False, False
             try:
-                for frame, result in answers(self.estimator, self._gated()):
+                for frame, result in answers(self.estimator, self._gated(), temporal=self._temporal):
                     turn += 1
                     self._show(frame, result, turn)
             except EndoError as error:
@@ -152,7 +156,16 @@ class Player:
         with self._change:
             recorder = self._recorder
         if recorder is not None:
+            self._add(recorder, frame, result)
+
+    def _add(self, recorder: Recorder, frame: Frame, result: DepthResult) -> None:
+        """Record an answer. A full disk ends the recording, and neither what it holds nor the view."""
+        try:
             recorder.add(frame, result)
+        except EndoError as error:
+            self.error = error
+            with self._change:
+                self._recorder = None
 
     def _gated(self) -> Iterator[Frame]:
         """Yield the frames of the source when it is their time."""

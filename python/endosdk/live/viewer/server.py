@@ -19,7 +19,6 @@ from endosdk.live.viewer.player import Player, Shown
 
 HOST = "127.0.0.1"
 PICTURES_PER_SECOND = 10  # that the page is sent at most: more would take time from the network
-HEALTH_EVERY = 20  # pictures sent between two looks at the rows of both views
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 # The page loads nothing from anywhere else, and no other page may frame it or learn its address.
 HEADERS = {
@@ -48,7 +47,6 @@ class Server:
         self._player = player
         self._recordings = recordings
         self._token = secrets.token_urlsafe(18)
-        self._rows_off: float | None = None  # vertical disparity, px
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
         self._ready = threading.Event()
@@ -97,10 +95,10 @@ class Server:
 
     async def _answer(self, request: Any) -> Any:
         web = self._web
-        told, wanted = request.match_info["token"], self._token
+        given, wanted = request.match_info["token"], self._token
         # A page of another site may know the port and may have a name of its own for this address.
         hosts = (f"{HOST}:{self._port}", f"localhost:{self._port}")
-        if not secrets.compare_digest(told.encode(), wanted.encode()) or request.host not in hosts:
+        if not secrets.compare_digest(given.encode(), wanted.encode()) or request.host not in hosts:
             raise web.HTTPNotFound
         name = request.match_info["name"] or "index.html"
         if name == "live":
@@ -142,7 +140,7 @@ class Server:
         await socket.close()
 
     async def _send(self, socket: Any, drawn: asyncio.Event, talk: _Talk) -> None:
-        count, last = 0, None
+        last = None
         while not socket.closed:
             await asyncio.sleep(1 / PICTURES_PER_SECOND)
             await drawn.wait()
@@ -152,19 +150,13 @@ class Server:
                     await socket.send_str(json.dumps({"state": state}))
                     last = state
                 continue
-            message = await asyncio.to_thread(self._encode, shown, state, count % HEALTH_EVERY == 0)
+            message = await asyncio.to_thread(self._encode, shown, state)
             talk.shown, last = shown, state
             drawn.clear()
-            count += 1
             await socket.send_bytes(message)
 
-    def _encode(self, shown: Shown, state: dict[str, Any], look_at_rows: bool) -> bytes:
-        left, right = self._player.left_view(shown)
-        if look_at_rows:
-            from endosdk.evaluation.vertical_disparity import vertical_disparity
-
-            self._rows_off = vertical_disparity(left, right).median_px
-        return encoded(shown, left, {**state, "rows_off_px": self._rows_off})
+    def _encode(self, shown: Shown, state: dict[str, Any]) -> bytes:
+        return encoded(shown, self._player.left_view(shown), state)
 
     def _state(self) -> dict[str, Any]:
         player = self._player
@@ -180,7 +172,7 @@ class Server:
         }
 
     def _obey(self, text: str, talk: _Talk) -> dict[str, Any]:
-        """Do what the page asks for; return what it is told."""
+        """Do what the page asks for; return the answer."""
         try:
             wish = json.loads(text)
             match wish["do"]:

@@ -27,8 +27,8 @@ def find_python(named: Path | None = None) -> Path:
 
     Raises RendererUnavailable, saying how to get one.
     """
-    told = named or os.environ.get(VARIABLE)
-    python = Path(told) if told else default_folder() / "bin" / "python"
+    chosen = named or os.environ.get(VARIABLE)
+    python = Path(chosen) if chosen else default_folder() / "bin" / "python"
     if not python.exists():
         raise RendererUnavailable("cycles_python", f"cycles needs Blender as a Python package: {REMEDY}", python)
     asked = "import importlib.util as u, sys; sys.exit(u.find_spec('bpy') is None or u.find_spec('numpy') is None)"

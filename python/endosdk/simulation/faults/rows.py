@@ -32,7 +32,7 @@ class Rows:
 
 
 def draw_rows(rng: np.random.Generator) -> Rows:
-    """Draw a disagreement of at most 2 px anywhere in a frame 960 wide."""
+    """Draw vertical disparity of at most 2 px anywhere in a frame 960 wide."""
     largest = float(rng.uniform(0.2, LARGEST_PX))
     parts = rng.uniform(-1, 1, 3) * np.array([1.0, 0.5, 0.3])
     parts = parts / np.abs(parts).sum() * largest

@@ -19,6 +19,7 @@ from endosdk.simulation.faults.chips import (
     process,
     take,
 )
+from endosdk.simulation.faults.colours import draw_look, recolour
 from endosdk.simulation.faults.field import (
     Field,
     Label,
@@ -39,7 +40,6 @@ from endosdk.simulation.faults.lens import (
     draw_glints,
     draw_smoke,
 )
-from endosdk.simulation.faults.looks import draw_look, recolour
 from endosdk.simulation.faults.rows import Rows, draw_rows, move_truth, move_view
 from endosdk.simulation.noise import Array
 

@@ -10,7 +10,7 @@ from typing import Any
 from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, write_dataset_record, write_sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument, StorageFailed
-from endosdk.jobs.progress import progress as progress_bar
+from endosdk.io.progress import progress as progress_bar
 from endosdk.simulation.faults.spoil import draw_faults, spoil
 
 

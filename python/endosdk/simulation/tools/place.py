@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from endosdk.simulation import surfaces
 from endosdk.simulation.camera import Pose
 from endosdk.simulation.curve import Floats
-from endosdk.simulation.geometry import Mesh
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array
-from endosdk.simulation.rigs import Rig
+from endosdk.simulation.rigs import SceneRig
 from endosdk.simulation.surfaces import mesh_of
 from endosdk.simulation.texture import TissueTexture
 from endosdk.simulation.tissue import Tissue
@@ -32,10 +32,10 @@ Surface = tuple[Mesh, Tissue, TissueTexture]
 
 
 @dataclass(frozen=True)
-class View:
+class BareView:
     """The picture before any tool is in it."""
 
-    rig: Rig
+    rig: SceneRig
     depth: Array  # [H,W] mm of the left view
     reach: float  # mm at which the lamp has unit strength
 
@@ -57,7 +57,7 @@ class View:
         return float(self.nearest * (far / self.nearest) ** rng.uniform(0.15, 1.0))
 
 
-def draw_tools(rng: np.random.Generator, view: View) -> tuple[list[Surface], dict[str, Any]]:
+def draw_tools(rng: np.random.Generator, view: BareView) -> tuple[list[Surface], dict[str, Any]]:
     """Draw all tools of a scene in mm of the left camera, and say what they are."""
     found: list[Surface] = []
     names: list[str] = []
@@ -84,7 +84,7 @@ def into_organ(surface: Surface, pose: Pose, scale: float) -> Surface:
     return moved, look, texture
 
 
-def _instrument(rng: np.random.Generator, view: View, parts: list[Piece]) -> tuple[list[Piece], float, float]:
+def _instrument(rng: np.random.Generator, view: BareView, parts: list[Piece]) -> tuple[list[Piece], float, float]:
     """Stand an instrument in the picture: its wrist at a pixel, its shaft out of it; return parts, radius, distance."""
     camera = view.rig.camera
     place = rng.uniform((0.12, 0.12), (0.88, 0.88)) * (camera.width, camera.height)
@@ -103,7 +103,7 @@ def _instrument(rng: np.random.Generator, view: View, parts: list[Piece]) -> tup
     return [part.moved(frame, wrist) for part in parts], radius, distance
 
 
-def _extra(rng: np.random.Generator, view: View, name: str) -> tuple[list[Piece], float, float]:
+def _extra(rng: np.random.Generator, view: BareView, name: str) -> tuple[list[Piece], float, float]:
     camera = view.rig.camera
     place = rng.uniform((0.1, 0.1), (0.9, 0.9)) * (camera.width, camera.height)
     distance = view.before(rng, place)
@@ -139,7 +139,9 @@ def _loose(rng: np.random.Generator, name: str) -> tuple[list[Piece], float, flo
     return [Piece(pieces.thread(rng, np.zeros(3), radius), "plastic")], float(rng.uniform(6, 20)), radius
 
 
-def _made(rng: np.random.Generator, view: View, parts: list[Piece], radius: float, distance: float) -> list[Surface]:
+def _made(
+    rng: np.random.Generator, view: BareView, parts: list[Piece], radius: float, distance: float
+) -> list[Surface]:
     """Give parts their materials, and move the whole away where it would come too near."""
     factor = _excess(view, parts, radius, distance)
     shade = float(np.clip((factor * distance / view.reach) ** 1.3, 0.1, 1.0))
@@ -154,14 +156,14 @@ def _made(rng: np.random.Generator, view: View, parts: list[Piece], radius: floa
     return found
 
 
-def _excess(view: View, parts: list[Piece], radius: float, distance: float) -> float:
+def _excess(view: BareView, parts: list[Piece], radius: float, distance: float) -> float:
     """Return by what factor parts must move away for nothing to come too near, at least 1."""
     visible = [points[_in_front(points, view)] for points in (part.patches.points for part in parts)]
     closest = min((float(points[..., 2].min()) for points in visible if len(points)), default=view.nearest)
     return max(1.0, view.nearest / max(closest, 0.02 * distance))
 
 
-def _in_front(points: Floats, view: View) -> NDArray[np.bool_]:
+def _in_front(points: Floats, view: BareView) -> NDArray[np.bool_]:
     """Return which of the points [...,3] either view may show: a shaft passes beside the camera, out of sight."""
     camera = view.rig.camera
     depth = np.maximum(points[..., 2], 1e-6)

@@ -60,6 +60,7 @@ class Prediction(NamedTuple):
     # [N, D, r^2, h/r, w/r] of the D candidates, where the network searches planes on a grid r times coarser than that
     # of the coarse map; the cells of the coarse map are channels, as `pixel_shuffle` takes them
     cost: Tensor | None = None
+    clues: Tensor | None = None  # [N, C, h, w], what else the confidence may know; no gradient flows through it
 
 
 class StereoNetwork(nn.Module, ABC):
@@ -69,8 +70,7 @@ class StereoNetwork(nn.Module, ABC):
     max_disparity: int
     input_multiple: int
     coarse_stride: int  # input pixels per cell of the grid on which the refinement works
-    output_stride: int  # input pixels per cell of the network's own answer
-    answer_cell: int = 1  # answers, along both axes, of which the deployed form gives the mean
+    output_stride: int  # input pixels per cell of the network's own map
     refine_margin: int  # how far the refinement looks, in input pixels, up to a multiple of ``input_multiple``
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
     candidates: tuple[int, ...] = ()  # disparities of the planes that `Prediction.cost` is about, input px
@@ -79,30 +79,46 @@ class StereoNetwork(nn.Module, ABC):
     # Height and width of a training crop, px: wide, so that the band without a match on the left stays small.
     default_crop: tuple[int, int] = (256, 512)
     confidence: ConfidenceHead
+    _deployed_stride: int | None = None  # where `deploy_at` asked for another one than the network's own
+
+    @property
+    def deployed_stride(self) -> int:
+        """Output stride of the deployed form: its map is the mean over whole cells of the network's own."""
+        return self._deployed_stride or self.output_stride
 
     @property
     def max_candidate_disparity(self) -> int | None:
         """The largest disparity there is a plane for, input px: answers for nearer surfaces pile up there."""
         return None if self.plane_step is None else self.max_disparity - self.plane_step
 
-    @property
-    def deployed_stride(self) -> int:
-        """Input pixels per cell of what the deployed form answers."""
-        return self.output_stride * self.answer_cell
+    def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
+        """Return the weights of a network of this kind, with planes of its own, as this one can take them."""
+        return weights
 
-    def answer_in_cells(self, cell: int) -> None:
-        """Let the deployed form give one answer for each ``cell`` x ``cell`` of the network's: their mean.
+    def with_clues(self, weights: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Return weights from before the confidence read clues with a `Surveyor` that adds nothing."""
+        part = "confidence.surveyor."
+        if any(name.startswith(part) for name in weights):
+            return weights
+        own = {name: value for name, value in self.state_dict().items() if name.startswith(part)}
+        fitted = torch.cat([weights["confidence.weights"], torch.ones(1)])
+        return weights | own | {"confidence.weights": fitted}
 
-        Raises InvalidArgument where the sides of the input need not hold a whole number of such cells.
+    def deploy_at(self, output_stride: int | None) -> None:
+        """Let the deployed form have this output stride; None: the network's own.
+
+        Raises InvalidArgument where its cells would not hold whole ones of the network, or the input whole ones of its.
         """
-        most = self.input_multiple // self.output_stride
-        if cell < 1 or most % cell:
-            raise InvalidArgument("answer_cell", f"must divide {most}, for {self.name}", cell)
-        self.answer_cell = cell
+        stride = self.output_stride if output_stride is None else output_stride
+        if stride < 1 or stride % self.output_stride or self.input_multiple % stride:
+            rule = f"must be a multiple of {self.output_stride} that divides {self.input_multiple}, for {self.name}"
+            raise InvalidArgument("output_stride", rule, stride)
+        self._deployed_stride = stride
 
-    def in_cells(self, values: Tensor) -> Tensor:
-        """Bring a map [N, C, H/s, W/s] of the network's answers to the cells that the deployed form answers for."""
-        return values if self.answer_cell == 1 else F.avg_pool2d(values, self.answer_cell)
+    def as_deployed(self, values: Tensor) -> Tensor:
+        """Bring a map [N, C, H/s, W/s] of the network to the output stride of the deployed form."""
+        cell = self.deployed_stride // self.output_stride
+        return values if cell == 1 else F.avg_pool2d(values, cell)
 
     @abstractmethod
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
@@ -130,7 +146,8 @@ class StereoNetwork(nn.Module, ABC):
         asked = window.within(seen)
         fine = [asked.of(disparity, self.output_stride) for disparity in prediction.disparities[1:]]
         evidence = asked.of(prediction.evidence, self.coarse_stride)
-        return Prediction([self.on_answer_grid(coarse.disparity), *fine], evidence, coarse.cost)
+        clues = None if prediction.clues is None else asked.of(prediction.clues, self.coarse_stride)
+        return Prediction([self.on_answer_grid(coarse.disparity), *fine], evidence, coarse.cost, clues)
 
     def on_answer_grid(self, values: Tensor) -> Tensor:
         """Bring values of the coarse grid to the grid of the answer."""
@@ -141,7 +158,8 @@ class StereoNetwork(nn.Module, ABC):
 
     def trust(self, prediction: Prediction) -> Tensor:
         """Return the probability [N, 1, H/s, W/s] that the last map is wrong by at most one pixel."""
-        trust: Tensor = self.confidence(self.on_answer_grid(self.confidence.log_scale(prediction.evidence)))
+        head = self.confidence
+        trust: Tensor = head(self.on_answer_grid(head.scale_of(head.columns(prediction.evidence, prediction.clues))))
         return trust
 
     def export_form(self) -> StereoNetwork:
@@ -167,7 +185,7 @@ class Deployed(nn.Module):
         network = self.network
         views = (left, right) if network.reads_bytes else (left.to(torch.float32), right.to(torch.float32))
         prediction = network(*views)
-        return network.in_cells(prediction.disparities[-1]), network.in_cells(network.trust(prediction))
+        return network.as_deployed(prediction.disparities[-1]), network.as_deployed(network.trust(prediction))
 
 
 def check_max_disparity(value: int, cell: int) -> int:

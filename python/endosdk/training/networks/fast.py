@@ -30,14 +30,18 @@ from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, match_evidence, soft_argmin
 from endosdk.training.networks.fast_export import ByteRows, PairedLayers, PairedVolume, over_byte_rows
 from endosdk.training.networks.photometric import brightness, moments, step
+from endosdk.training.networks.surroundings import Surroundings
 
 CELL = 4  # input pixels per disparity plane, and per cell of the matching grid
 HALVED = 2  # cells of the matching grid per cell of the volume
 STRIDE = 2  # input pixels per cell of the answer
 FINE = CELL // STRIDE  # cells of the answer along one side of a cell of the matching grid
-NARROW, WIDE = 3, 7  # windows, in cells, within which the pictures are compared
+SMALL, LARGE = 3, 7  # windows, in cells, within which the pictures are compared
 HINTS = 3 * FINE**2 + 4  # channels that tell the refinement what the comparison gave
+START = 0.0, 1.0  # of the correction and the belief: it believes the pictures and adds nothing
 WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the other hints
+NEARBY = 5, 13  # cells, along each axis, within which the confidence looks for jumps of the disparity
+CLUES = HINTS - 1 + 2 + len(NEARBY)  # channels that the confidence reads besides its evidence
 ROUGH_SLOPE = 0.0  # plain rectifiers: runtimes fold them into 8-bit convolutions for nothing
 
 
@@ -49,9 +53,15 @@ class Shape:
     blocks: int = 2  # residual pairs at 1/4, for both views
     volume: int = 16  # channels of the volume
     layers: int = 2  # convolutions over the volume
+    surroundings: int = 64  # channels of what corrects the volume by its surroundings
     refine: int = 32  # channels of the refinement
     refine_layers: int = 6  # between its first and last convolution
     wide_layers: int = 3  # after them, twice as far apart
+
+    def refine_margin(self, multiple: int) -> int:
+        """Return how far the refinement looks, in input px, up to a multiple."""
+        reach = CELL * (1 + 2 * self.refine_layers + 4 * self.wide_layers + 1)
+        return -(-reach // multiple) * multiple
 
 
 class Fast(StereoNetwork):
@@ -64,7 +74,7 @@ class Fast(StereoNetwork):
     plane_step = CELL
     inference_width = 480
     default_crop = (256, 384)  # of frames of 4:3, which it sees 360 px high
-    hint_unit = 1.0  # planes; of the disparity that the refinement is told
+    hint_unit = 1.0  # planes; of the disparity that the refinement is given
 
     def __init__(
         self,
@@ -89,30 +99,52 @@ class Fast(StereoNetwork):
         self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
         self.volume = DifferenceVolume(shape.stem, shape.volume, self.planes)
-        self.aggregation = PlaneLayers(shape.volume, shape.layers, self.planes, mode_reach)
-        self.refinement = Refinement(shape)
-        reach = CELL * (1 + 2 * shape.refine_layers + 4 * shape.wide_layers + 1)
-        self.refine_margin = -(-reach // self.input_multiple) * self.input_multiple
-        self.confidence = ConfidenceHead(channels=5)
+        self.aggregation = PlaneLayers(shape, self.planes, mode_reach)
+        self.refinement = Refinement(shape, HINTS, START)
+        self.refine_margin = shape.refine_margin(self.input_multiple)
+        self.confidence = ConfidenceHead(channels=5, clues=CLUES)
 
     @property
     def max_candidate_disparity(self) -> int:
         """The largest disparity there is a plane for, input px."""
         return self.candidates[-1]
 
+    def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
+        """Return the weights of a `Fast` with planes of its own as this one can take them.
+
+        Only the surroundings know the planes apart: each plane takes the weights of the nearest of the other network.
+        Weights from before there were surroundings, or clues for the confidence, get some that correct nothing.
+        """
+        weights = self.with_clues(weights)
+        part = "aggregation.surroundings."
+        if not any(name.startswith(part) for name in weights):
+            own = {name: value for name, value in self.state_dict().items() if name.startswith(part)}
+            return weights | own
+        planes = candidate_planes(max_disparity, dense_disparity)
+        if planes == self.planes:
+            return weights
+        return weights | {
+            part + name: value
+            for name, value in self.aggregation.surroundings.with_planes(
+                {name.removeprefix(part): value for name, value in weights.items() if name.startswith(part)},
+                planes.shifts,
+                self.planes.shifts,
+            ).items()
+        }
+
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8, give the answer at 1/4, and compare the pictures there."""
         values, bright = self.pixels(torch.cat([left, right]))
         views = self.features(self.stem(values))
         pairs = left.shape[0]
-        found, cost = self.aggregation(self.volume(views[:pairs], views[pairs:]))
+        found, cost = self.aggregation(self.volume(views[:pairs], views[pairs:]), views[:pairs])
         disparity = found.disparity * CELL
         compared = moments(bright[:pairs], bright[pairs:], disparity.detach(), STRIDE)
         cells = F.avg_pool2d(compared, FINE)
-        fine, narrow, wide = step(compared, NARROW), step(cells, NARROW), step(cells, WIDE)
+        fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
         shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
-        hints = [shuffled, narrow.step, narrow.texture, wide.step, found.disparity / self.hint_unit]
-        evidence = torch.cat([match_evidence(found, CELL), narrow.spread], dim=1)
+        hints = [shuffled, small.step, small.texture, large.step, found.disparity / self.hint_unit]
+        evidence = torch.cat([match_evidence(found, CELL), small.spread], dim=1)
         return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), shuffled[:, : FINE**2], cost)
 
     def refine(self, coarse: Coarse) -> Prediction:
@@ -122,8 +154,9 @@ class Fast(StereoNetwork):
         doubt = torch.log(correction.detach().abs().amax(dim=1, keepdim=True) + 0.05)
         change = correction + torch.sigmoid(belief) * coarse.step
         rough = self.on_answer_grid(coarse.disparity)
-        evidence = torch.cat([coarse.evidence, doubt], dim=1)
-        return Prediction([rough, torch.relu(rough + F.pixel_shuffle(change, FINE))], evidence)
+        clues = [coarse.hints[:, : HINTS - 1].detach(), *surface_clues(coarse.disparity.detach() / (CELL * WIDE_UNIT))]
+        maps = [rough, torch.relu(rough + F.pixel_shuffle(change, FINE))]
+        return Prediction(maps, torch.cat([coarse.evidence, doubt], dim=1), clues=torch.cat(clues, dim=1))
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
@@ -138,8 +171,7 @@ class Fast(StereoNetwork):
         form.pixels = ByteRows(CELL)  # type: ignore[assignment]
         form.stem = nn.Sequential(over_byte_rows(stem.conv), stem.activation)  # type: ignore[assignment]
         form.volume = PairedVolume(volume.match, self.planes)  # type: ignore[assignment]
-        convolutions = [layer.conv for layer in layers.layers]
-        form.aggregation = PairedLayers(convolutions, layers.cost, self.planes, layers.mode_reach)  # type: ignore
+        form.aggregation = PairedLayers(layers, self.planes)  # type: ignore[assignment]
         form.reads_bytes = True
         # All hints have one 8-bit scale, of which the disparity would leave the others little.
         form.hint_unit = WIDE_UNIT
@@ -194,17 +226,25 @@ class DifferenceVolume(nn.Module):
 
 
 class PlaneLayers(nn.Module):
-    """3x3x3 convolutions over the volume, written as 2-D ones over each plane and its two neighbours."""
+    """3x3x3 convolutions over the volume, written as 2-D ones over each plane and its two neighbours.
 
-    def __init__(self, channels: int, layers: int, planes: Planes, mode_reach: int | None) -> None:
+    They see little more than one cell. What that leaves open, the `Surroundings` decide.
+    """
+
+    def __init__(self, shape: Shape, planes: Planes, mode_reach: int | None) -> None:
         super().__init__()
         self.planes = planes
         self.mode_reach = mode_reach
-        self.layers = nn.ModuleList(ConvNorm(3 * channels, channels, slope=ROUGH_SLOPE) for _ in range(layers))
+        channels = shape.volume
+        self.layers = nn.ModuleList(ConvNorm(3 * channels, channels, slope=ROUGH_SLOPE) for _ in range(shape.layers))
         self.cost = nn.Conv2d(channels, HALVED**2, 1)
+        volume = len(planes) * channels
+        self.surroundings = Surroundings(volume, shape.stem, shape.surroundings, len(planes) * HALVED**2)
 
-    def forward(self, volume: Tensor) -> tuple[SoftArgmin, Tensor]:
+    def forward(self, volume: Tensor, view: Tensor) -> tuple[SoftArgmin, Tensor]:
         """Map the volume [N, D, C, h, w] to its answer on a grid of twice the size, in cells, and the cost.
+
+        ``view`` are the features of the left view on that larger grid.
 
         The cost [N, D, 4, h, w] has the four cells of that grid as channels, as `pixel_shuffle` takes them.
         """
@@ -216,6 +256,7 @@ class PlaneLayers(nn.Module):
             neighbours = torch.unflatten(volume.index_select(1, around), 1, (planes, 3)).flatten(2, 3)
             volume = torch.unflatten(layer(neighbours.flatten(0, 1)), 0, (pairs, planes))
         cost = torch.unflatten(self.cost(volume.flatten(0, 1)), 0, (pairs, planes))
+        cost = cost + torch.unflatten(self.surroundings(volume.flatten(1, 2), view), 1, (planes, -1))
         # The sums over planes come before the larger grid, which would be twelve times as much to move.
         found = soft_argmin(cost.permute(0, 2, 3, 4, 1).flatten(0, 1), self.planes, self.mode_reach)
         maps = (F.pixel_shuffle(torch.unflatten(v.squeeze(1), 0, (pairs, -1)), HALVED) for v in found)
@@ -225,25 +266,38 @@ class PlaneLayers(nn.Module):
 class Refinement(nn.Module):
     """Convolutions at 1/4 over the left view, the coarse answer and what the comparison of the pictures gave."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Shape, hints: int, start: tuple[float, ...]) -> None:
+        """Read so many ``hints``; give one output for each value of ``start``, which is what it is at first."""
         super().__init__()
         self.view = ConvNorm(shape.stem, shape.refine, slope=ROUGH_SLOPE)
         # Apart from the view, because the two differ in range: together they would share one 8-bit scale.
-        self.hints = nn.Conv2d(HINTS, shape.refine, 3, padding=1, bias=False)
+        self.hints = nn.Conv2d(hints, shape.refine, 3, padding=1, bias=False)
         dilations = [2] * shape.refine_layers + [4] * shape.wide_layers
         self.layers = nn.Sequential(
             *(ConvNorm(shape.refine, shape.refine, dilation=d, slope=ROUGH_SLOPE) for d in dilations)
         )
-        self.last = nn.Conv2d(shape.refine, 2 * FINE**2, 3, padding=1)
-        # It starts by believing the pictures and adding nothing, so that it cannot spoil a map that is already good.
+        self.last = nn.Conv2d(shape.refine, len(start) * FINE**2, 3, padding=1)
+        # It starts with the same outputs everywhere, so that it cannot spoil a map that is already good.
         nn.init.zeros_(self.last.weight)
         with torch.no_grad():
-            self.last.bias.copy_(torch.tensor([0.0, 1.0]).repeat_interleave(FINE**2))  # type: ignore[union-attr]
+            self.last.bias.copy_(torch.tensor(start).repeat_interleave(FINE**2))  # type: ignore[union-attr]
 
     def forward(self, view: Tensor, hints: Tensor) -> Tensor:
-        """Map features and hints [N, C, h, w] to corrections, px, and beliefs in the step, FINE^2 channels each."""
+        """Map features and hints [N, C, h, w] to the outputs, FINE^2 channels each."""
         out: Tensor = self.last(self.layers(self.view(view, added=self.hints(hints))))
         return out
+
+
+def surface_clues(disparity: Tensor) -> list[Tensor]:
+    """Give clues [N, 1, h, w] from a disparity map: itself, what stands out in front of it, and jumps around."""
+    around = [(_largest(disparity, reach), -_largest(-disparity, reach)) for reach in NEARBY]
+    return [disparity, around[0][0] - disparity, *(torch.log(near - far + 0.02) for near, far in around)]
+
+
+def _largest(values: Tensor, reach: int) -> Tensor:
+    # Along one axis after the other: runtimes look at every value of a square window.
+    rows = F.max_pool2d(values, (reach, 1), 1, (reach // 2, 0))
+    return F.max_pool2d(rows, (1, reach), 1, (0, reach // 2))
 
 
 def unshuffled(values: Tensor, factor: int) -> Tensor:

@@ -8,12 +8,17 @@ share are zeros: a third more multiplications, in less time.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin_of_planes
 from endosdk.training.networks.photometric import brightness
+
+if TYPE_CHECKING:
+    from endosdk.training.networks.fast import PlaneLayers
 
 PAIR = 2  # planes that are computed together
 
@@ -81,22 +86,28 @@ class PairedVolume(nn.Module):
 
 
 class PairedLayers(nn.Module):
-    """3x3x3 convolutions over a volume of paired planes, each as a 2-D one over a pair and its two neighbours."""
+    """The layers over a volume, where planes lie in pairs: each convolution is over a pair and its two neighbours."""
 
-    def __init__(self, layers: list[nn.Conv2d], cost: nn.Conv2d, planes: Planes, mode_reach: int | None) -> None:
+    def __init__(self, layers: PlaneLayers, planes: Planes) -> None:
         super().__init__()
         self.planes = planes
-        self.mode_reach = mode_reach
-        self.layers = nn.ModuleList(_over_pairs(conv) for conv in layers)
-        self.per_cell = cost.out_channels
+        self.mode_reach = layers.mode_reach
+        self.layers = nn.ModuleList(_over_pairs(layer.conv) for layer in layers.layers)  # type: ignore[arg-type]
+        self.per_cell = layers.cost.out_channels
         # Costs matter by their differences from plane to plane, in which the bias cancels.
-        weight = cost.weight.detach()[:, :, 0, 0].t()
+        weight = layers.cost.weight.detach()[:, :, 0, 0].t()
         padded = torch.zeros(PAIR, 1, PAIR, *weight.shape)
         for place in range(PAIR):
             padded[place, 0, place] = weight
         self.register_buffer("costs", padded.flatten(2, 3))
+        # First the even planes, then the odd ones: so nothing has to be moved.
+        self.order = [plane for place in range(PAIR) for plane in range(place, len(planes), PAIR)]
+        self.surroundings = layers.surroundings
+        outputs = torch.arange(len(planes) * self.per_cell).view(len(planes), self.per_cell)[self.order].flatten()
+        for name, values in zip(("corrections", "offsets"), self.surroundings.product(outputs), strict=True):
+            self.register_buffer(name, values)
 
-    def forward(self, volume: Tensor) -> tuple[SoftArgmin, None]:
+    def forward(self, volume: Tensor, view: Tensor) -> tuple[SoftArgmin, None]:
         """Map the volume [N, D/2, 2 C, h, w] to its answer, in cells, on a grid of twice the size; no cost is kept."""
         count, pairs, both, height, width = volume.shape
         channels = both // PAIR
@@ -108,10 +119,12 @@ class PairedLayers(nn.Module):
             planes = result.reshape(count, PAIR * pairs, channels, height, width).index_select(1, around)
             result = torch.relu(layer(planes.reshape(count * pairs, (PAIR + 2) * channels, height, width)))
         cells = result.permute(0, 2, 3, 1).reshape(count, 1, pairs, height * width, both)
-        # First the even planes, then the odd ones: so nothing has to be moved.
-        cost = (cells @ self.get_buffer("costs")).reshape(count, PAIR * pairs, height * width * self.per_cell)
-        order = [plane for place in range(PAIR) for plane in range(place, pairs * PAIR, PAIR)]
-        found = soft_argmin_of_planes(cost, self.planes, order, self.mode_reach)
+        cost = (cells @ self.get_buffer("costs")).reshape(count, PAIR * pairs, height * width, self.per_cell)
+        seen = self.surroundings.seen(result.reshape(count, pairs * both, height, width), view)
+        seen = seen.permute(0, 2, 3, 1).reshape(count, height * width, -1) @ self.get_buffer("corrections")
+        seen = (seen + self.get_buffer("offsets")).reshape(count, height * width, PAIR * pairs, self.per_cell)
+        cost = (cost + seen.permute(0, 2, 1, 3)).reshape(count, PAIR * pairs, height * width * self.per_cell)
+        found = soft_argmin_of_planes(cost, self.planes, self.order, self.mode_reach)
         maps = (value.reshape(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
         return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps)), None
 

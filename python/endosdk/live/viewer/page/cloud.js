@@ -71,7 +71,7 @@ export class Cloud {
 
   draw() {
     const { gl, canvas } = this;
-    if (!gl || !this.count) return;
+    if (!gl || this.middle === undefined) return; // nothing was shown yet
     canvas.width = canvas.clientWidth;
     canvas.height = canvas.clientHeight;
     gl.viewport(0, 0, canvas.width, canvas.height);

@@ -2,6 +2,9 @@
 const REASONS_SHADE = 0.45; // colour of a reason over the gray of a pixel without value
 const GRAY = 70;
 
+// The colour of a reason as the map shows it.
+export const shaded = (colour) => colour.map((c) => Math.round(GRAY + REASONS_SHADE * (c - GRAY)));
+
 export function drawMap(canvas, facts, levels, causes, legend) {
   const { columns, rows, map } = facts;
   canvas.width = columns;
@@ -25,11 +28,12 @@ function reasonColours(reasons) {
   return Array.from({ length: 256 }, (_, bits) => {
     const present = reasons.filter(({ bit }) => bits & bit);
     if (!present.length) return [GRAY, GRAY, GRAY];
-    return present[present.length - 1].colour.map((c) => GRAY + REASONS_SHADE * (c - GRAY));
+    return shaded(present[present.length - 1].colour);
   });
 }
 
-export function drawScale(canvas, map, ramp) {
+// Without numbers where no pixel has a value.
+export function drawScale(canvas, map, ramp, known) {
   const context = canvas.getContext("2d");
   const { width, height } = canvas;
   context.clearRect(0, 0, width, height);
@@ -42,9 +46,10 @@ export function drawScale(canvas, map, ramp) {
   context.fillStyle = "#ebebeb";
   context.font = "12px system-ui, sans-serif";
   context.textBaseline = "middle";
+  if (!known) return;
   const digits = map.high - map.low > 20 ? 0 : map.high - map.low > 2 ? 1 : 2;
   for (let i = 0; i <= 5; i++) {
     const value = map.high + (i / 5) * (map.low - map.high);
-    context.fillText(`${value.toFixed(digits)} ${i === 0 ? map.unit : ""}`, 21, top + (i / 5) * (tall - 1));
+    context.fillText(value.toFixed(digits), 21, top + (i / 5) * (tall - 1));
   }
 }

@@ -60,9 +60,9 @@ export class Marks {
   }
 
   ask(mark) {
-    this.measure(mark.kind, mark.pixels, (told) => {
-      mark.text = told.measured ? told.measured.map(said).join("; ") : told.refused;
-      mark.values = told.measured;
+    this.measure(mark.kind, mark.pixels, (message) => {
+      mark.text = message.measured ? message.measured.map(said).join("; ") : message.refused;
+      mark.values = message.measured;
       this.draw();
       this.write();
     });

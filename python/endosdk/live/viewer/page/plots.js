@@ -1,5 +1,6 @@
 // Small plots of what goes on, one line each.
 const LENGTH = 300; // pictures
+const SHORTEST = 30; // pictures over which the time axis reaches at first
 
 export class Plots {
   constructor(parent) {
@@ -34,7 +35,7 @@ function draw(name, { canvas, history, unit, floor, ceiling }) {
   context.font = "12px system-ui, sans-serif";
   context.fillStyle = "#aaa";
   context.fillText(name, left, 15);
-  context.fillText(`${top.toFixed(top < 10 ? 1 : 0)} ${unit}`, right + 6, high + 4);
+  context.fillText(`${top.toFixed(top < 1 ? 2 : top < 10 ? 1 : 0)} ${unit}`, right + 6, high + 4);
   context.fillText(`${floor}`, right + 6, low);
   context.strokeStyle = "#3a3a44";
   context.strokeRect(left, high, right - left, low - high);
@@ -44,7 +45,7 @@ function draw(name, { canvas, history, unit, floor, ceiling }) {
   let pen = false;
   history.forEach((value, i) => {
     if (value === null) return void (pen = false);
-    const x = left + (i / (LENGTH - 1)) * (right - left);
+    const x = left + (i / (Math.max(SHORTEST, history.length) - 1)) * (right - left);
     if (pen) context.lineTo(x, at(value));
     else context.moveTo(x, at(value));
     pen = true;
@@ -52,6 +53,7 @@ function draw(name, { canvas, history, unit, floor, ceiling }) {
   context.stroke();
   const last = history[history.length - 1];
   context.fillStyle = "#ebebeb";
+  context.textAlign = "right";
   const text = last === null ? "not known" : `${last.toFixed(last < 10 ? 2 : 1)} ${unit}`;
-  context.fillText(text, left + 190, 15);
+  context.fillText(text, right, 15);
 }

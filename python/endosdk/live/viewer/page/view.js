@@ -2,7 +2,7 @@
 import { Cloud } from "./cloud.js";
 import { Plots } from "./plots.js";
 import { Marks } from "./marks.js";
-import { drawMap, drawScale } from "./maps.js";
+import { drawMap, drawScale, shaded } from "./maps.js";
 
 const $ = (id) => document.getElementById(id);
 const cloud = new Cloud($("cloud"));
@@ -36,7 +36,7 @@ function showState(state) {
   $("record").textContent = state.recording ? "stop recording" : "record";
   const parts = [];
   if (state.error) parts.push(state.error);
-  else if (state.ended) parts.push("the source has ended");
+  if (state.ended && !state.error) parts.push("the source has ended");
   if (state.recording) parts.push(`recording to ${state.recording}`);
   if (state.dropped) parts.push(`${state.dropped} frames dropped`);
   parts.push(...state.faults);
@@ -48,9 +48,22 @@ function showReasons() {
     ...legend.reasons.map(({ name, label, colour }) => {
       const item = document.createElement("li");
       const patch = document.createElement("i");
-      patch.style.background = `rgb(${colour})`;
+      patch.style.background = `rgb(${shaded(colour)})`;
       const share = 100 * facts.reasons[name];
       item.append(patch, `${label} ${share.toFixed(1)} %`);
+      return item;
+    }),
+  );
+}
+
+function showCauses() {
+  $("causes").replaceChildren(
+    ...facts.causes.map(({ name, value, measure, meaning, remedy }) => {
+      const item = document.createElement("li");
+      const strong = document.createElement("b");
+      strong.textContent = name;
+      const digits = Math.abs(value) < 10 ? 2 : 0;
+      item.append(strong, ` ${meaning}: ${remedy} (${measure}: ${value.toFixed(digits)})`);
       return item;
     }),
   );
@@ -70,19 +83,21 @@ async function show(buffer) {
   const levels = new Uint16Array(values);
   const causes = new Uint8Array(reasons);
   drawMap($("map"), facts, levels, causes, legend);
-  drawScale($("scale"), facts.map, legend.ramp);
+  drawScale($("scale"), facts.map, legend.ramp, facts.valid_share > 0);
   cloud.show(facts, levels, context.getImageData(0, 0, left.width, left.height));
   plots.add({
     "frames a second": [facts.frames_per_second, "", 0],
     "delay": [facts.delay_ms, "ms", 0],
     "pixels with a value": [100 * facts.valid_share, "%", 0, 100],
-    "rows apart (calibration)": [facts.rows_off_px, "px", 0],
+    "rig: rows apart": [facts.rows_off_px, "px", 0],
+    "rig: right camera turned by": [facts.turn_deg, "°", 0],
   });
   $("map-name").textContent = `${facts.map.name} (${facts.map.unit})`;
   $("frame").textContent = `frame ${facts.number}${facts.count ? ` of ${facts.count}` : ""}, ${(facts.stamp_ns / 1e9).toFixed(2)} s`;
-  $("status").textContent = [facts.status, ...facts.causes].join(" · ");
+  $("status").textContent = facts.status;
   $("status").className = `badge ${facts.status}`;
   showReasons();
+  showCauses();
   showState(facts);
   marks.again();
   document.body.dataset.turn = facts.turn;
@@ -91,16 +106,16 @@ async function show(buffer) {
 
 socket.onmessage = ({ data }) => {
   if (data instanceof ArrayBuffer) return void show(data);
-  const told = JSON.parse(data);
-  if (told.legend) {
-    legend = told.legend;
-    $("source").textContent = told.source;
+  const message = JSON.parse(data);
+  if (message.legend) {
+    legend = message.legend;
+    $("source").textContent = message.source;
   }
-  if (told.state) showState(told.state);
-  if (told.refused && !waiting.has(told.id)) tell(told.refused);
-  if (waiting.has(told.id)) {
-    waiting.get(told.id)(told);
-    waiting.delete(told.id);
+  if (message.state) showState(message.state);
+  if (message.refused && !waiting.has(message.id)) tell(message.refused);
+  if (waiting.has(message.id)) {
+    waiting.get(message.id)(message);
+    waiting.delete(message.id);
   }
 };
 socket.onclose = () => tell("the server has ended");

@@ -1,0 +1,142 @@
+"""The bench of trust: how far a model's own statements hold on clean, on spoilt and on faulty pairs.
+
+    python -m benchmarks.accuracy.trust [--data DIR] [--models fast ...] --json FILE
+
+Per case: how many of the right pixels are valid, how many of the wrong ones, how many pixels outside the field of
+view, how often the error lies within sigma, how well confidence ranks errors, and what was said of the frames. A pixel
+is right within 1 px of the truth, wrong beyond 3 px; those that the right view does not show, or that lie beyond the
+model's range, count as neither.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
+from benchmarks.model_records import models_parser, record_models
+from endosdk import DepthEstimator, DepthResult, Status, StereoCalibration
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.metrics import sigma_bins, sigma_gap, sparsification_error
+from endosdk.io.progress import progress
+
+CLEAN_SET = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
+RIGHT_PX, WRONG_PX = 1.0, 3.0
+
+
+@dataclass
+class Tally:
+    """Running counts of one case."""
+
+    pixels: Counter[str] = field(default_factory=Counter)
+    status: Counter[str] = field(default_factory=Counter)
+    causes: Counter[str] = field(default_factory=Counter)
+    named: int = 0  # frames that are not OK and name a cause of the case
+    areas: list[float] = field(default_factory=list)
+    bins: NDArray[np.float64] | None = None
+
+    def add(self, sample: Sample, answer: DepthResult, case: Case, largest: float) -> None:
+        """Count one pair."""
+        self.status[answer.status.name] += 1
+        self.causes.update(cause.name for cause in answer.causes)
+        self.named += answer.status != Status.OK and bool(set(answer.causes) & set(case.causes))
+        valid = answer.reasons == 0
+        if "outside" in sample.info:
+            outside = sample.info["outside"]
+            self.pixels["outside"] += int(outside.sum())
+            self.pixels["outside_valid"] += int(valid[outside].sum())
+        self._add_errors(sample, answer, valid, largest)
+
+    def _add_errors(self, sample: Sample, answer: DepthResult, valid: NDArray[np.bool_], largest: float) -> None:
+        known = np.isfinite(sample.disparity) & (sample.disparity < largest) & (sample.disparity > 1.0)
+        if sample.occlusion is not None:
+            known &= ~sample.occlusion
+        error = np.abs(answer.disparity - sample.disparity)
+        for name, which in (("right", known & (error <= RIGHT_PX)), ("wrong", known & (error > WRONG_PX))):
+            self.pixels[name] += int(which.sum())
+            self.pixels[f"{name}_valid"] += int((which & valid).sum())
+        both = known & valid
+        self.pixels["known"] += int(known.sum())
+        self.pixels["known_valid"] += int(both.sum())
+        if not both.any() or answer.sigma_map is None:
+            return
+        product = sample.focal_px * sample.baseline_mm
+        depths = np.abs(answer.depth[both] - product / (sample.disparity[both] + sample.doffs)).astype(np.float64)
+        sigma = answer.sigma[both]
+        self.pixels["within_sigma"] += int((depths <= sigma).sum())
+        self.pixels["within_two_sigma"] += int((depths <= 2 * sigma).sum())
+        sums = sigma_bins(depths, sigma)
+        self.bins = sums if self.bins is None else self.bins + sums
+        some = slice(None, None, 7)
+        unsure = 1.0 - answer.confidence[known][some].astype(np.float64)
+        self.areas.append(sparsification_error(error[known][some].astype(np.float64), unsure))
+
+    def result(self, case: Case) -> dict[str, Any]:
+        """Return the measures of the case."""
+        frames = sum(self.status.values())
+        n = self.pixels
+        found: dict[str, Any] = {
+            "pairs": frames,
+            "status": dict(self.status),
+            "causes": dict(self.causes),
+            "right": _share(n["right"], n["known"]),
+            "right_called_valid": _share(n["right_valid"], n["right"]),
+            "wrong": _share(n["wrong"], n["known"]),
+            "wrong_called_valid": _share(n["wrong_valid"], n["wrong"]),
+            "wrong_of_valid": _share(n["wrong_valid"], n["known_valid"]),
+            "outside_called_valid": _share(n["outside_valid"], n["outside"]),
+            "within_sigma": _share(n["within_sigma"], n["known_valid"]),
+            "within_two_sigma": _share(n["within_two_sigma"], n["known_valid"]),
+            "ause": round(float(np.mean(self.areas)), 4) if self.areas else None,
+            "sigma_ece_mm": None if self.bins is None else round(sigma_gap(self.bins), 3),
+        }
+        if case.causes:
+            found["expected"] = [cause.name for cause in case.causes]
+            found["named"] = _share(self.named, frames)
+        return found
+
+
+def _share(part: int, whole: int) -> float | None:
+    return round(part / whole, 4) if whole else None
+
+
+def measure(model: str, samples: list[Sample], cases: tuple[Case, ...]) -> dict[str, Any]:
+    """Answer every pair in every case."""
+    tallies = {case.name: Tally() for case in cases}
+    first = samples[0]
+    size = first.left.shape[1::-1]
+    rig = None
+    if first.has_camera:
+        rig = StereoCalibration.rectified(first.focal_px, first.baseline_mm, size, doffs=first.doffs)
+    with DepthEstimator(model, calibration=rig, threads=2, spinning=False) as estimator:
+        largest = estimator.largest_disparity(*size) or np.inf
+        for sample in progress(samples, total=len(samples)):
+            for case in cases:
+                rng = np.random.default_rng([zlib.crc32(sample.id.encode()), zlib.crc32(case.name.encode())])
+                spoilt = case.spoil(sample, rng)
+                answer = estimator.predict(spoilt.left, spoilt.right)
+                tallies[case.name].add(spoilt, answer, case, largest)
+    return {case.name: tallies[case.name].result(case) for case in cases}
+
+
+def main() -> None:
+    parser = models_parser(__doc__, "so many pairs, evenly from the whole split")
+    parser.set_defaults(data=CLEAN_SET, models=["fast"])
+    next(action for action in parser._actions if action.dest == "data").required = False
+    parser.add_argument("--cases", nargs="+", help="names of cases (default: all)")
+    args = parser.parse_args()
+    reader = open_dataset(args.data, args.split)
+    samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
+    cases = tuple(case for case in (*USABLE, *FAULTS) if not args.cases or case.name in args.cases)
+    record_models(args, reader, lambda model: {"cases": measure(model, samples, cases)})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+// A rig as Python hands it over.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <tuple>
+
+#include "arrays.hpp"
+#include "geometry/rig.hpp"
+
+namespace endosdk {
+
+// model, width, height, matrix and distortion of the left camera and of the right one, rotation, translation
+using RigNumbers = std::tuple<std::string, int, int, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles>;
+
+inline Rig rig_of(const RigNumbers& given) {
+  const auto& [model, width, height, left_matrix, left_distortion, right_matrix, right_distortion, rotation, translation] =
+      given;
+  endo_calibration rig{};
+  rig.struct_size = sizeof rig;
+  rig.camera_model = model == "fisheye" ? ENDO_FISHEYE : ENDO_PINHOLE;
+  rig.width = width;
+  rig.height = height;
+  const auto copy = [](const auto& values, double* to) { std::copy(values.begin(), values.end(), to); };
+  copy(numbers<9>(left_matrix, "left_matrix"), rig.left_matrix);
+  copy(numbers<9>(right_matrix, "right_matrix"), rig.right_matrix);
+  copy(numbers<9>(rotation, "rotation"), rig.rotation);
+  copy(numbers<3>(translation, "translation"), rig.translation);
+  const auto copy_distortion = [](const Doubles& values, const char* name, double* to) {
+    require(values.size() <= 8, name, "must hold at most 8 coefficients", values.size());
+    std::copy_n(values.data(), values.size(), to);
+    return static_cast<int32_t>(values.size());
+  };
+  rig.left_distortion_count = copy_distortion(left_distortion, "left_distortion", rig.left_distortion);
+  rig.right_distortion_count = copy_distortion(right_distortion, "right_distortion", rig.right_distortion);
+  return Rig(rig);
+}
+
+}  // namespace endosdk

@@ -1,0 +1,122 @@
+// What is wrong with a frame: one stable list of causes, a measure for each, and the table from which the frame's status
+// follows. The public header shows the same numbers; a static_assert ties the two.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "images/same_view.hpp"
+#include "maps/photometric_consistency.hpp"
+
+namespace endosdk {
+
+enum class Quality { ok = 0, degraded = 1, invalid = 2 };
+
+// Numbers are shared with C and Python and never change.
+enum class Cause : int {
+  covered = 0,
+  saturated = 1,
+  blurred = 2,
+  dim = 3,
+  frozen = 4,
+  not_simultaneous = 5,
+  same_view_twice = 6,
+  swapped = 7,
+  not_rectified = 8,
+  rig_moved = 9,
+  out_of_range = 10,
+  low_texture = 11,
+  late = 12,
+  views_differ = 13,
+  few_valid = 14,
+  stale = 15,
+};
+
+constexpr int cause_count = 16;
+
+// Room for measures in the C result, for causes of later releases.
+constexpr int most_causes = 32;
+
+constexpr double never = std::numeric_limits<double>::quiet_NaN();
+
+enum class Bad { high, low };
+
+struct CauseFact {
+  Cause cause;
+  const char* name;
+  const char* measure;  // what the number counts, and in which unit
+  Bad bad;              // which side of the limits is bad
+  double degraded;      // the measure from which the frame is degraded
+  double invalid;       // the measure from which it must not be used; `never`: it may always be
+  const char* meaning;
+  const char* remedy;
+};
+
+constexpr CauseFact cause_facts[] = {
+    {Cause::covered, "COVERED", "share of the texture of one view where the other view is flat", Bad::high, 0.25, 0.75,
+     "a lens is covered, dirty or without signal", "clean the lens and check cable and light"},
+    {Cause::saturated, "SATURATED", "share of a view that is blown out", Bad::high, 0.15, 0.75,
+     "glare or too much light", "lower the light or the exposure"},
+    {Cause::blurred, "BLURRED", "blur of the softer view against the other one, thousandths of the width", Bad::high, 2.8, never,
+     "one view is out of focus or dirty", "clean the lens and focus both eyes"},
+    {Cause::dim, "DIM", "mean grey level of the darker view", Bad::low, 16.0, never, "there is too little light",
+     "raise the light or the exposure"},
+    {Cause::frozen, "FROZEN", "frames in a row in which one view alone did not change, from the 5th on, or both, from the 25th on", Bad::high, 1.0, never,
+     "a camera or a grabber repeats an old picture", "restart the source of the frames"},
+    {Cause::not_simultaneous, "NOT_SIMULTANEOUS", "vertical motion between the views, px of the frame", Bad::high, 0.5, never,
+     "the two views are of different moments", "synchronise the two cameras"},
+    {Cause::same_view_twice, "SAME_VIEW_TWICE", "how far apart the views show their texture, thousandths of the width",
+     Bad::low, displacement_of_one_view, displacement_of_one_view, "one camera is connected to both inputs", "connect each camera to its own input"},
+    {Cause::swapped, "SWAPPED", "how much better the views agree when they are exchanged", Bad::high, 0.15, 0.15,
+     "the right camera is connected to the left input", "exchange the two inputs"},
+    {Cause::not_rectified, "NOT_RECTIFIED", "vertical disparity, px of the frame", Bad::high, 2.0, 8.0,
+     "the rows of the two views do not correspond", "give the calibration of this rig, or rectify the frames"},
+    {Cause::rig_moved, "RIG_MOVED", "rotation of the rig against its calibration, degrees", Bad::high, 0.25, 2.0,
+     "the cameras have moved since they were calibrated", "calibrate the rig again"},
+    {Cause::out_of_range, "OUT_OF_RANGE", "share of the field of view that is out of range", Bad::high, 0.25, never,
+     "the surface is too near, too far, or beyond the depths asked for", "move the endoscope, or choose a model that sees more"},
+    {Cause::low_texture, "LOW_TEXTURE", "share of the field of view with texture beyond its noise", Bad::low, 0.2, least_texture,
+     "there is nothing to compare in the pictures", "raise the light, or look at another place"},
+    {Cause::late, "LATE", "time of the frame, as a share of the deadline", Bad::high, 1.0, never,
+     "the frame took longer than its deadline", "choose a smaller network size or more threads"},
+    {Cause::views_differ, "VIEWS_DIFFER", "mean correlation of the views where they were matched, at the most", Bad::low, least_correlation, least_correlation,
+     "the two views do not show the same", "check wiring, synchronisation and calibration"},
+    {Cause::few_valid, "FEW_VALID", "share of the field of view that is valid", Bad::low, 0.5, 0.05,
+     "few pixels have an answer", "look at the reasons of the pixels"},
+    {Cause::stale, "STALE", "age of the pair when its answer was handed out, as a share of the greatest age", Bad::high, 1.0, never,
+     "the pair was taken too long ago", "show it no longer, and drop waiting frames"},
+};
+
+static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);
+
+// The causes of one frame. What was not measured is no number, and raises nothing.
+class Causes {
+ public:
+  Causes() { measures_.fill(std::numeric_limits<double>::quiet_NaN()); }
+
+  void set(Cause cause, double measure) { measures_[index(cause)] = measure; }
+  double measure(Cause cause) const { return measures_[index(cause)]; }
+  bool measured(Cause cause) const { return measure(cause) == measure(cause); }
+
+  // What the table says of this cause alone: ok where it is not raised.
+  Quality level(Cause cause) const;
+  bool raised(Cause cause) const { return level(cause) != Quality::ok; }
+
+  // The raised ones, bit 1 << number.
+  uint64_t bits() const;
+
+  // The worst level of all.
+  Quality status() const;
+
+ private:
+  static constexpr size_t index(Cause cause) { return static_cast<size_t>(cause); }
+
+  std::array<double, cause_count> measures_;
+};
+
+// The fact of a number that C or Python gives; null for others.
+const CauseFact* fact_of(int cause);
+
+}  // namespace endosdk

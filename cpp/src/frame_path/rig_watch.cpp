@@ -1,0 +1,21 @@
+#include "frame_path/rig_watch.hpp"
+
+#include <optional>
+
+namespace endosdk {
+
+void RigWatch::add(FrameReport& report, Slot& slot) {
+  const double row_px = static_cast<double>(slot.stage().frame().height) / slot.stage().picture().height;
+  const std::optional<double> motion = simultaneity_.motion_between(slot.brightness(), row_px, report.pose);
+  if (motion) report.causes.set(Cause::not_simultaneous, *motion);
+  if (report.causes.raised(Cause::not_simultaneous)) {
+    // What looks like a turn comes from the motion.
+    report.causes.set(Cause::rig_moved, never);
+    report.causes.set(Cause::not_rectified, never);
+  } else {
+    pose_.add(report.pose, report.corrected);
+  }
+  report.steady = pose_.value();
+}
+
+}  // namespace endosdk

@@ -1,0 +1,82 @@
+#include "frame_path/simultaneity.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace endosdk {
+namespace {
+
+constexpr double fading = 1.0 - 1.0 / 90.0;  // per frame
+constexpr int least_frames = 8;
+
+// What is left of neighbouring frames is alike: so many of them tell as much as one.
+constexpr double alike_frames = 4.0;
+
+constexpr double certain = 4.0;      // standard errors
+constexpr double least_lag = 0.2;    // frames; less does not come from cameras that run on their own
+constexpr double least_row_se = 0.05;  // px: how far a frame's rows may be trusted at the best
+
+// Shifts of the whole picture need no finer level.
+constexpr int finest = 1;
+
+double certain_motion_px(const LagFit& fit, double lag) {
+  return lag > certain * fit.lag_se() && lag > least_lag ? lag * fit.usual_motion_px() : 0.0;
+}
+
+bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
+
+}  // namespace
+
+void LagFit::add(double moved_px, double rows_px) {
+  for (double* sum : {&sum_, &x_, &y_, &xx_, &xy_, &yy_}) *sum *= fading;
+  sum_ += 1.0;
+  x_ += moved_px;
+  y_ += rows_px;
+  xx_ += moved_px * moved_px;
+  xy_ += moved_px * rows_px;
+  yy_ += rows_px * rows_px;
+  ++frames_;
+}
+
+double LagFit::lag() const {
+  const double spread = xx_ - x_ * x_ / sum_;
+  return spread > 0.0 ? (xy_ - x_ * y_ / sum_) / spread : 0.0;
+}
+
+double LagFit::lag_se() const {
+  const double spread = xx_ - x_ * x_ / sum_;
+  if (!(spread > 0.0) || sum_ <= 2.0) return std::numeric_limits<double>::infinity();
+  const double left = std::max(0.0, yy_ - y_ * y_ / sum_ - lag() * (xy_ - x_ * y_ / sum_)) / (sum_ - 2.0);
+  return std::sqrt(alike_frames * (left + least_row_se * least_row_se) / spread);
+}
+
+double LagFit::usual_motion_px() const { return sum_ > 0.0 ? std::sqrt(xx_ / sum_) : 0.0; }
+
+void Simultaneity::make_room(const BrightnessPyramid& view) {
+  former_ = view;
+  has_former_ = false;
+  former_rows_px_.reset();
+  if (view.levels() <= finest) return;
+  motion_.find(view, former_, finest);
+  motion_.middle();
+}
+
+std::optional<double> Simultaneity::motion_between(BrightnessPyramid& view, double row_px, const PoseError& pose) {
+  const bool follows = has_former_ && view.levels() > finest && view.unit() == former_.unit() &&
+                       view.levels() == former_.levels() && same(view.level(0).size, former_.level(0).size);
+  if (follows && (pose.measured || former_rows_px_)) {
+    motion_.find(view, former_, finest);
+    const double moved_px = view.unit() * (1 << finest) * row_px * static_cast<double>(motion_.middle().y);
+    if (pose.measured) right_.add(moved_px, pose.mean_vertical_px);
+    if (former_rows_px_) left_.add(moved_px, *former_rows_px_);
+  }
+  std::swap(view, former_);
+  has_former_ = true;
+  former_rows_px_ = pose.measured ? std::optional(pose.mean_vertical_px) : std::nullopt;
+  if (std::min(right_.frames(), left_.frames()) < least_frames) return std::nullopt;
+  return std::max(certain_motion_px(right_, right_.lag()), certain_motion_px(left_, -left_.lag()));
+}
+
+}  // namespace endosdk

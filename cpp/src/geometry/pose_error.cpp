@@ -1,0 +1,213 @@
+#include "geometry/pose_error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace endosdk {
+namespace {
+
+// What is known without pictures, radians: cameras turn by degrees at most, and a baseline keeps its direction to half a
+// degree, since it takes a bent shaft to change it.
+constexpr double turn_prior = 0.1;
+constexpr double baseline_prior = 0.01;
+
+constexpr int least_measurements = 100;
+constexpr int least_blocks = 6;
+constexpr int rounds = 3;           // of reweighting
+constexpr int most_sorted = 1024;   // values that the scatter is taken from
+constexpr double least_scatter = 0.02;  // px
+constexpr double normal_law = 1.4826;   // standard deviations per median of the size
+constexpr double huber = 1.345;         // standard deviations; the usual choices
+constexpr double tukey = 4.685;
+
+// What the blocks of one picture cannot tell, since the whole picture has it in common: measured on rendered pairs of known
+// rotation, see tests/core/test_pose_error.py.
+constexpr PoseVector common_factor = {1.1, 2.0, 1.5, 2.0, 2.0};
+constexpr double common_share = 0.03;  // of the value itself
+constexpr double common_floor = 1e-4;  // radians
+
+PoseVector priors(const PoseVector& value) {
+  PoseVector result{};
+  for (size_t i = 0; i < pose_terms; ++i) result[i] = value[i] / (i < 3 ? turn_prior * turn_prior : baseline_prior * baseline_prior);
+  return result;
+}
+
+double weight_of(double size, double tuned, bool cut) {
+  if (!cut) return size <= huber * tuned ? 1.0 : huber * tuned / size;
+  const double share = size / (tukey * tuned);
+  const double left = 1.0 - share * share;
+  return share < 1.0 ? left * left : 0.0;
+}
+
+}  // namespace
+
+std::array<float, pose_terms> PosePattern::rows(float x, float y, float disparity) const {
+  const auto metric = static_cast<float>(static_cast<double>(disparity) + doffs);
+  const auto fy = static_cast<float>(focal_y);
+  const float per_focal = metric / static_cast<float>(focal_x);
+  const float u = (x - static_cast<float>(cx)) / static_cast<float>(focal_x) - per_focal;  // of the right view
+  const float v = (y - static_cast<float>(cy)) / fy;
+  return {-fy * (1.0f + v * v), fy * u * v, fy * u, fy * per_focal, -fy * v * per_focal};
+}
+
+std::array<double, 3> PosePattern::columns(double x, double y) const {
+  const double u = (x - cx) / focal_x;
+  const double v = (y - cy) / focal_y;
+  return {-focal_x * u * v, focal_x * (1.0 + u * u), -focal_x * v};
+}
+
+double PoseError::standard_error(int term) const {
+  return std::sqrt(covariance[static_cast<size_t>(term) * (pose_terms + 1)]);
+}
+
+double PoseError::turn() const { return std::sqrt(value[0] * value[0] + value[1] * value[1] + value[2] * value[2]); }
+
+double PoseError::turn_se() const {
+  const double length = turn();
+  double variance = 0.0;
+  for (size_t i = 0; i < 3; ++i) {
+    for (size_t k = 0; k < 3; ++k) {
+      const double share = length > 0.0 ? value[i] * value[k] / (length * length) : (i == k ? 1.0 : 0.0);
+      variance += share * covariance[i * pose_terms + k];
+    }
+  }
+  return std::sqrt(variance);
+}
+
+void PoseMeasurements::resize(int count) {
+  const auto size = static_cast<size_t>(count);
+  for (auto& term : rows_) term.resize(size);
+  rest_.resize(size);
+  weight_.resize(size);
+  block_.resize(size);
+  sorted_.reserve(most_sorted + 1);
+}
+
+void PoseMeasurements::set(int i, const std::array<float, pose_terms>& rows, float rest, float weight, int block) {
+  const auto at = static_cast<size_t>(i);
+  for (size_t t = 0; t < pose_terms; ++t) rows_[t][at] = rows[t];
+  rest_[at] = rest;
+  weight_[at] = weight;
+  block_[at] = block;
+}
+
+float PoseMeasurements::left_over(size_t i, const PoseVector& step) const {
+  float rest = rest_[i];
+  for (size_t t = 0; t < pose_terms; ++t) rest -= static_cast<float>(step[t]) * rows_[t][i];
+  return rest;
+}
+
+// Robust standard deviation of what a step leaves; of a part of the measurements where there are many.
+double PoseMeasurements::scatter(const PoseVector& step) {
+  const auto measured = static_cast<size_t>(std::count_if(weight_.begin(), weight_.end(), [](float w) { return w > 0.0f; }));
+  const size_t every = measured / most_sorted + 1;
+  sorted_.clear();
+  size_t seen = 0;
+  for (size_t i = 0; i < rest_.size(); ++i) {
+    if (weight_[i] > 0.0f && seen++ % every == 0) sorted_.push_back(std::abs(left_over(i, step)));
+  }
+  const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
+  std::nth_element(sorted_.begin(), middle, sorted_.end());
+  return std::max(normal_law * static_cast<double>(*middle), least_scatter);
+}
+
+void PoseMeasurements::add_up(const PoseVector& step, double tuned, bool cut, PoseMatrix& normal, PoseVector& side) const {
+  normal = {};
+  side = {};
+  for (size_t i = 0; i < rest_.size(); ++i) {
+    if (weight_[i] <= 0.0f) continue;
+    const double w = weight_of(std::abs(static_cast<double>(left_over(i, step))), tuned, cut) * static_cast<double>(weight_[i]);
+    if (w <= 0.0) continue;
+    std::array<double, pose_terms> row;
+    for (size_t t = 0; t < pose_terms; ++t) row[t] = static_cast<double>(rows_[t][i]);
+    for (size_t t = 0; t < pose_terms; ++t) {
+      const double weighted = w * row[t];
+      side[t] += weighted * static_cast<double>(rest_[i]);
+      for (size_t k = 0; k <= t; ++k) normal[t * pose_terms + k] += weighted * row[k];
+    }
+  }
+  for (size_t t = 0; t < pose_terms; ++t) {
+    for (size_t k = 0; k < t; ++k) normal[k * pose_terms + t] = normal[t * pose_terms + k];
+  }
+}
+
+bool PoseMeasurements::refine(PoseVector& value) {
+  if (std::count_if(weight_.begin(), weight_.end(), [](float w) { return w > 0.0f; }) < least_measurements) return false;
+  std::array<bool, pose_blocks> seen{};
+  for (size_t i = 0; i < weight_.size(); ++i) {
+    if (weight_[i] > 0.0f) seen[static_cast<size_t>(block_[i])] = true;
+  }
+  if (std::count(seen.begin(), seen.end(), true) < least_blocks) return false;
+  PoseVector step{};
+  const PoseVector pull = priors(value);
+  const PoseVector prior = priors({1.0, 1.0, 1.0, 1.0, 1.0});
+  for (int round = 0; round < rounds; ++round) {
+    tuned_ = scatter(step);
+    variance_ = tuned_ * tuned_;
+    PoseVector side;
+    add_up(step, tuned_, round > 0, normal_, side);
+    for (size_t t = 0; t < pose_terms; ++t) {
+      side[t] = side[t] / variance_ - pull[t];
+      for (size_t k = 0; k < pose_terms; ++k) normal_[t * pose_terms + k] /= variance_;
+      normal_[t * pose_terms + t] += prior[t];
+    }
+    step = multiply(inverse(normal_), side);
+  }
+  step_ = step;
+  for (size_t t = 0; t < pose_terms; ++t) value[t] += step[t];
+  return true;
+}
+
+void PoseMeasurements::finish(PoseError& error) const {
+  std::array<PoseVector, pose_blocks> pulls{};
+  std::array<bool, pose_blocks> seen{};
+  for (size_t i = 0; i < rest_.size(); ++i) {
+    if (weight_[i] <= 0.0f) continue;
+    const double rest = static_cast<double>(left_over(i, step_));
+    const double pull = weight_of(std::abs(rest), tuned_, true) * static_cast<double>(weight_[i]) * rest / variance_;
+    const auto block = static_cast<size_t>(block_[i]);
+    seen[block] = true;
+    for (size_t t = 0; t < pose_terms; ++t) pulls[block][t] += pull * static_cast<double>(rows_[t][i]);
+  }
+  const auto blocks = static_cast<double>(std::count(seen.begin(), seen.end(), true));
+  PoseMatrix middle{};
+  for (const PoseVector& pull : pulls) {
+    for (size_t t = 0; t < pose_terms; ++t) {
+      for (size_t k = 0; k < pose_terms; ++k) middle[t * pose_terms + k] += blocks / (blocks - 1.0) * pull[t] * pull[k];
+    }
+  }
+  const PoseVector prior = priors({1.0, 1.0, 1.0, 1.0, 1.0});
+  for (size_t t = 0; t < pose_terms; ++t) middle[t * (pose_terms + 1)] += prior[t];
+  const PoseMatrix inverted = inverse(normal_);
+  error.covariance = multiply(multiply(inverted, middle), inverted);
+  for (size_t t = 0; t < pose_terms; ++t) {
+    for (size_t k = 0; k < pose_terms; ++k) error.covariance[t * pose_terms + k] *= common_factor[t] * common_factor[k];
+  }
+  for (size_t t = 0; t < pose_terms; ++t) {
+    const double common = common_share * error.value[t];
+    error.covariance[t * (pose_terms + 1)] += common * common + common_floor * common_floor;
+  }
+  double square = 0.0, mean = 0.0, variance = 0.0, sum = 0.0;
+  for (size_t i = 0; i < rest_.size(); ++i) {
+    if (weight_[i] <= 0.0f) continue;
+    PoseVector row{};
+    double rows = 0.0;
+    for (size_t t = 0; t < pose_terms; ++t) {
+      row[t] = static_cast<double>(rows_[t][i]);
+      rows += error.value[t] * row[t];
+    }
+    const PoseVector spread = multiply(error.covariance, row);
+    for (size_t t = 0; t < pose_terms; ++t) variance += row[t] * spread[t];
+    square += rows * rows;
+    mean += rows;
+    sum += 1.0;
+  }
+  error.vertical_px = std::sqrt(square / sum);
+  error.vertical_se_px = std::sqrt(variance / sum);
+  error.mean_vertical_px = mean / sum;
+}
+
+Mat3 turn_of(const PoseVector& value) { return rotation_matrix({value[0], value[1], value[2]}); }
+
+}  // namespace endosdk

@@ -1,0 +1,93 @@
+// How far a rig stands from its calibration, from what is left across the rows of a rectified pair.
+//
+// A right camera that turned a little, or a baseline that points elsewhere, moves matches off their rows in a pattern of its
+// own: a turn about x by a constant, about y by x * y, about z by x, a baseline by the disparity. The fit is robust, and its
+// covariance is that of errors which hold together over large parts of the picture.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "geometry/linear.hpp"
+
+namespace endosdk {
+
+// Turns of the right camera about x, y and z, then the directions of the baseline down and forward, radians.
+constexpr int pose_terms = 5;
+constexpr double degrees_per_radian = 57.29577951308232;
+using PoseVector = std::array<double, pose_terms>;
+using PoseMatrix = std::array<double, pose_terms * pose_terms>;
+
+// The rectified geometry that the pattern needs, px. Disparities come without `doffs`.
+struct PosePattern {
+  double focal_x = 0.0;
+  double focal_y = 0.0;
+  double cx = 0.0;
+  double cy = 0.0;
+  double doffs = 0.0;
+  bool calibrated = false;  // else the focal length is a stand-in, and angles mean nothing
+
+  // Rows, px, by which the match of (x, y) at this disparity lies lower, per radian of each term.
+  std::array<float, pose_terms> rows(float x, float y, float disparity) const;
+
+  // Columns, px, by which it lies further right, per radian of each turn.
+  std::array<double, 3> columns(double x, double y) const;
+};
+
+struct PoseError {
+  bool measured = false;
+  PoseVector value{};
+  PoseMatrix covariance{};
+  double vertical_px = 0.0;  // vertical disparity: root mean square of the pattern where it was measured
+  double vertical_se_px = 0.0;
+  double mean_vertical_px = 0.0;  // of the same pattern, with its sign: matches lie lower where it is positive
+
+  double standard_error(int term) const;
+
+  // Length of the three turns, radians, and its standard error.
+  double turn() const;
+  double turn_se() const;
+};
+
+// What was measured of one pair. Keeps its memory between frames.
+class PoseMeasurements {
+ public:
+  void resize(int count);
+  int count() const { return static_cast<int>(rest_.size()); }
+
+  // `rest`: px that are left across the rows; a weight of 0: nothing was measured here. `block`: below pose_blocks, the part
+  // of the picture.
+  void set(int i, const std::array<float, pose_terms>& rows, float rest, float weight, int block);
+  void clear(int i) { weight_[static_cast<size_t>(i)] = 0.0f; }
+
+  // Adds to the value what the measurements tell. False where they are too few.
+  bool refine(PoseVector& value);
+
+  // The covariance of the latest refine().
+  void finish(PoseError& error) const;
+
+ private:
+  double scatter(const PoseVector& step);
+  void add_up(const PoseVector& step, double tuned, bool cut, PoseMatrix& normal, PoseVector& side) const;
+  float left_over(size_t i, const PoseVector& step) const;
+
+  std::array<std::vector<float>, pose_terms> rows_;
+  std::vector<float> rest_;
+  std::vector<float> weight_;
+  std::vector<int> block_;
+  std::vector<float> sorted_;
+  PoseVector step_{};
+  PoseMatrix normal_{};
+  double variance_ = 0.0;
+  double tuned_ = 0.0;
+};
+
+constexpr int pose_blocks_across = 8;
+constexpr int pose_blocks_down = 6;
+constexpr int pose_blocks = pose_blocks_across * pose_blocks_down;
+
+// Rotation of the right camera by the three turns.
+Mat3 turn_of(const PoseVector& value);
+
+}  // namespace endosdk

@@ -1,0 +1,64 @@
+#include "geometry/pose_filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace endosdk {
+namespace {
+
+// Frames that follow each other show the same tissue: this many tell as much as one.
+constexpr double alike_frames = 4.0;
+constexpr double fading = 1.0 - 1.0 / 300.0;  // per frame
+
+constexpr double usual_surprise = 3.0;  // standard errors; a frame that is further off counts less
+constexpr double certain = 4.0;         // standard errors
+constexpr double harmless = 0.0017;     // radians, a tenth of a degree
+constexpr double least_correction = 0.0005;
+constexpr double longest_correction = 0.0017;
+
+// Standard errors between a frame's turns and the filtered ones.
+double surprise(const PoseError& error, const PoseVector& value, const PoseError& before) {
+  double most = 0.0;
+  for (size_t i = 0; i < 3; ++i) {
+    const size_t at = i * (pose_terms + 1);
+    const double off = value[i] - before.value[i];
+    most = std::max(most, std::abs(off) / std::sqrt(error.covariance[at] + before.covariance[at]));
+  }
+  return most;
+}
+
+}  // namespace
+
+void PoseFilter::add(const PoseError& error, const PoseVector& corrected) {
+  if (!error.measured) return;
+  PoseVector value = error.value;
+  for (size_t i = 0; i < pose_terms; ++i) value[i] += corrected[i];
+  double counts = 1.0 / alike_frames;
+  if (value_.measured) counts *= std::min(1.0, usual_surprise / std::max(1e-9, surprise(error, value, value_)));
+  const PoseMatrix sure = inverse(error.covariance);
+  const PoseVector pull = multiply(sure, value);
+  for (size_t i = 0; i < information_.size(); ++i) information_[i] = fading * information_[i] + counts * sure[i];
+  for (size_t i = 0; i < pose_terms; ++i) pull_[i] = fading * pull_[i] + counts * pull[i];
+  value_.covariance = inverse(information_);
+  value_.value = multiply(value_.covariance, pull_);
+  value_.vertical_px = error.vertical_px;
+  value_.vertical_se_px = error.vertical_se_px;
+  value_.measured = true;
+  ++frames_;
+}
+
+bool has_drifted(const PoseError& steady) {
+  return steady.measured && steady.turn() > harmless && steady.turn() > certain * steady.turn_se();
+}
+
+std::optional<PoseVector> next_correction(const PoseVector& before, const PoseError& steady) {
+  PoseError left = steady;
+  for (size_t i = 0; i < 3; ++i) left.value[i] -= before[i];
+  if (!steady.measured || left.turn() <= certain * left.turn_se() || left.turn() <= least_correction) return std::nullopt;
+  const double share = std::min(1.0, longest_correction / left.turn());
+  PoseVector next = before;
+  for (size_t i = 0; i < 3; ++i) next[i] += share * left.value[i];
+  return next;
+}
+
+}  // namespace endosdk

@@ -1,0 +1,147 @@
+// How well two views correlate where they were matched, compiled once per instruction set: plain loops that the compiler
+// vectorises. Sums are added in one order, so that every set rounds alike.
+#include "kernels/kernels.hpp"
+#include "kernels/sets.hpp"
+
+namespace endosdk::ENDOSDK_ISA {
+namespace {
+
+constexpr int chunk = 128;
+constexpr float nothing = __builtin_nanf("");
+
+// Correlation at which the pictures contradict a match, and from which they support it. Wet tissue shines differently
+// in two views: windows of right matches correlate badly at times, those of wrong ones rather at random.
+constexpr float contradicted = 0.0f;
+constexpr float supported = 0.4f;
+
+// Columns by which the disparity changes from one cell to the next but one: less is a surface, twice as much an edge,
+// where a network's answer lies between those of both sides.
+constexpr float smooth = 1.5f;
+constexpr float edge = 3.0f * smooth;
+
+constexpr float least_variance = 0.3f;  // grey levels squared, beyond the noise: less tells nothing
+constexpr float least_cells = 0.25f * correlation_window * correlation_window;  // with a match, of a window
+
+template <int unit>
+void add_blocks(const BrightnessRow& row, int given_unit, float* __restrict out) {
+  const int u = unit > 0 ? unit : given_unit;
+  const float share = 1.0f / static_cast<float>(4 * 2 * u * u);
+  for (int i = 0; i < row.count; ++i) {
+    int sum = 0;
+    for (int y = 0; y < 2 * u; ++y) {
+      const ptrdiff_t at = y * row.stride + static_cast<ptrdiff_t>(i) * u;
+      for (int x = 0; x < u; ++x) sum += row.channel[0][at + x] + 2 * row.channel[1][at + x] + row.channel[2][at + x];
+    }
+    out[i] = static_cast<float>(sum) * share;
+  }
+}
+
+float clamped(float value, float low, float high) {
+  const float floor = value > low ? value : low;
+  return floor < high ? floor : high;
+}
+
+// One plane of a row, summed over the window along it; `values` begin a reach before the first cell.
+void sum_along(const float* values, int cells, float* __restrict out) {
+  for (int i = 0; i < cells; ++i) {
+    float sum = values[i];
+    for (int t = 1; t < correlation_window; ++t) sum += values[i + t];
+    out[i] = sum;
+  }
+}
+
+}  // namespace
+
+void brightness_row(const BrightnessRow& row) {
+  float* const means = row.scratch;
+  switch (row.unit) {
+    case 1: add_blocks<1>(row, 1, means); break;
+    case 2: add_blocks<2>(row, 2, means); break;
+    default: add_blocks<0>(row, row.unit, means); break;
+  }
+  const int last = row.count - 1;
+  float* const out = row.out;
+  out[0] = 0.25f * (3.0f * means[0] + means[last > 0 ? 1 : 0]);
+  for (int i = 1; i < last; ++i) out[i] = 0.25f * ((means[i - 1] + means[i + 1]) + 2.0f * means[i]);
+  if (last > 0) out[last] = 0.25f * (means[last - 1] + 3.0f * means[last]);
+}
+
+void match_row(const MatchRow& row) {
+  const ptrdiff_t stride = row.cells + 2 * correlation_reach;
+  float* planes[correlation_sums];
+  for (int p = 0; p < correlation_sums; ++p) {
+    float* const plane = row.scratch + p * stride;
+    for (int i = 0; i < correlation_reach; ++i) plane[i] = plane[correlation_reach + row.cells + i] = 0.0f;
+    planes[p] = plane + correlation_reach;
+  }
+  const float end = static_cast<float>(row.columns - 1);
+  for (int i = 0; i < row.cells; ++i) {
+    const float at = static_cast<float>(2 * i) - row.disparity[i];
+    const int inside = (at >= 0.0f) & (at <= end);  // what is no number is not
+    const float position = inside ? at : 0.0f;
+    int column = static_cast<int>(position);
+    column = column < row.columns - 2 ? column : row.columns - 2;
+    const float share = position - static_cast<float>(column);
+    const float there = row.right[column] + share * (row.right[column + 1] - row.right[column]);
+    const float counts = inside ? 1.0f : 0.0f;
+    const float a = counts * row.left[2 * i];
+    const float b = counts * there;
+    planes[0][i] = counts;
+    planes[1][i] = a;
+    planes[2][i] = b;
+    planes[3][i] = a * a;
+    planes[4][i] = b * b;
+    planes[5][i] = a * b;
+  }
+  for (int p = 0; p < correlation_sums; ++p) {
+    sum_along(row.scratch + p * stride, row.cells, row.sums + static_cast<ptrdiff_t>(p) * row.cells);
+  }
+}
+
+void correlation_row(const CorrelationRow& row) {
+  const float noise = row.left_noise > row.right_noise ? row.left_noise : row.right_noise;
+  const float flat = least_variance + noise;
+  for (int first = 0; first < row.cells; first += chunk) {
+    const int count = row.cells - first < chunk ? row.cells - first : chunk;
+    float sums[correlation_sums][chunk];
+    for (int p = 0; p < correlation_sums; ++p) {
+      for (int i = 0; i < count; ++i) sums[p][i] = 0.0f;
+      for (int w = 0; w < correlation_window; ++w) {
+        if (row.sums[w] == nullptr) continue;
+        const float* const values = row.sums[w] + static_cast<ptrdiff_t>(p) * row.cells + first;
+        for (int i = 0; i < count; ++i) sums[p][i] += values[i];
+      }
+    }
+    float* const correlation = row.correlation + first;
+    float* const support = row.support + first;
+    for (int i = 0; i < count; ++i) {
+      const float share = 1.0f / (sums[0][i] > 1.0f ? sums[0][i] : 1.0f);
+      const float left = sums[1][i] * share;
+      const float right = sums[2][i] * share;
+      const float left_varies = (sums[3][i] * share - left * left) - row.left_noise;
+      const float right_varies = (sums[4][i] * share - right * right) - row.right_noise;
+      const float together = sums[5][i] * share - left * right;
+      const int textured = ((left_varies > flat) | (right_varies > flat)) & (sums[0][i] >= least_cells);
+      const float scale = (left_varies > flat ? left_varies : flat) * (right_varies > flat ? right_varies : flat);
+      const float found = clamped(together / __builtin_sqrtf(scale), -1.0f, 1.0f);
+      correlation[i] = textured ? found : nothing;
+      const float pictures = clamped((found - contradicted) * (1.0f / (supported - contradicted)), 0.0f, 1.0f);
+      support[i] = textured ? pictures : 1.0f;
+    }
+    for (int i = 0; i < count; ++i) {
+      float nearest = row.disparity[1][first + i + 1];
+      float farthest = nearest;
+      for (int y = 0; y < 3; ++y) {
+        for (int x = 0; x < 3; ++x) {
+          const float d = row.disparity[y][first + i + x];
+          nearest = d > nearest ? d : nearest;
+          farthest = d < farthest ? d : farthest;
+        }
+      }
+      const float spread = nearest - farthest;
+      support[i] *= clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
+    }
+  }
+}
+
+}  // namespace endosdk::ENDOSDK_ISA

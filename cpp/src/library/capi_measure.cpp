@@ -1,0 +1,157 @@
+// The functions of endosdk.h that measure: the rig and the result come with each call.
+#include <endosdk/endosdk.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "library/capi_structs.hpp"
+#include "library/guarded.hpp"
+#include "measure/areas.hpp"
+#include "measure/pixels.hpp"
+
+using endosdk::guarded;
+using endosdk::require;
+using endosdk::require_pointer;
+
+namespace {
+
+endosdk::Rig rig_of(const endo_calibration* calibration) {
+  require_pointer(calibration, "calibration");
+  return endosdk::read_rig(*calibration);
+}
+
+endosdk::MeasuredMaps maps_of(const endosdk::Rig& rig, const endo_result* result) {
+  const endo_result known = endosdk::read_result(result);
+  require_pointer(known.depth, "result.depth");
+  require_pointer(known.sigma, "result.sigma");
+  const endosdk::Size size = rig.size();
+  const uint64_t pixels = static_cast<uint64_t>(size.width) * static_cast<uint64_t>(size.height);
+  require(known.capacity >= pixels, "result.capacity", endosdk::Text("must be at least ", pixels, " pixels"), known.capacity);
+  const endosdk::RectifiedGeometry& g = rig.geometry();
+  return {size, known.depth, known.sigma, known.reasons, g.focal_px(), g.views.left_projection[5], g.cx(), g.cy()};
+}
+
+std::vector<endosdk::Point> pixels_of(const double* pixels, size_t count) {
+  constexpr size_t most = 100000;
+  require_pointer(pixels, "pixels");
+  require(count <= most, "count", endosdk::Text("must be at most ", most), count);
+  std::vector<endosdk::Point> points(count);
+  for (size_t i = 0; i < count; ++i) points[i] = {pixels[2 * i], pixels[2 * i + 1]};
+  return points;
+}
+
+// The caller's struct of answers: what it says of itself, checked before anything is computed.
+template <typename Struct>
+size_t checked_size(const Struct* answer, const char* argument) {
+  require_pointer(answer, argument);
+  require(answer->struct_size >= sizeof(Struct), endosdk::Text(argument, ".struct_size"),
+          endosdk::Text("must be sizeof the struct, at least ", sizeof(Struct)), answer->struct_size);
+  require(answer->reserved == 0, endosdk::Text(argument, ".reserved"), "must be 0", answer->reserved);
+  return answer->struct_size;
+}
+
+void check_alpha(double alpha) { require(std::isfinite(alpha) && alpha <= 1.0, "alpha", "must be a number of at most 1", alpha); }
+
+template <typename Turn>
+endo_status turn_pixels(const endo_calibration* calibration, double alpha, int32_t right, const double* pixels, size_t count,
+                        double* out, const Turn& turn) {
+  return guarded([&] {
+    const endosdk::Rig rig = rig_of(calibration);
+    check_alpha(alpha);
+    require(right == 0 || right == 1, "right", "must be 0 or 1", right);
+    require_pointer(pixels, "pixels");
+    require_pointer(out, "output");
+    const endosdk::PixelMap map(rig, alpha);
+    const endosdk::Side side = right == 1 ? endosdk::Side::right : endosdk::Side::left;
+    for (size_t i = 0; i < count; ++i) {
+      const endosdk::Point found = turn(map, side, {pixels[2 * i], pixels[2 * i + 1]});
+      out[2 * i] = found.x;
+      out[2 * i + 1] = found.y;
+    }
+  });
+}
+
+}  // namespace
+
+extern "C" {
+
+endo_status endo_point_at(const endo_calibration* calibration, const endo_result* result, double x, double y, endo_point* point) {
+  return guarded([&] {
+    checked_size(point, "point");
+    const endosdk::Rig rig = rig_of(calibration);
+    const endosdk::MeasuredPoint found = endosdk::point_at(maps_of(rig, result), {x, y});
+    std::copy(found.xyz.begin(), found.xyz.end(), point->xyz);
+    std::copy(found.covariance.begin(), found.covariance.end(), point->covariance);
+  });
+}
+
+endo_status endo_path_length(const endo_calibration* calibration, const endo_result* result, const double* pixels, size_t count,
+                             endo_measured* length) {
+  return guarded([&] {
+    checked_size(length, "length");
+    const endosdk::Rig rig = rig_of(calibration);
+    const endosdk::Measured found = endosdk::path_length(maps_of(rig, result), pixels_of(pixels, count));
+    length->value = found.value;
+    length->standard_error = found.standard_error;
+  });
+}
+
+endo_status endo_area_inside(const endo_calibration* calibration, const endo_result* result, const double* pixels, size_t count,
+                             endo_area* area) {
+  return guarded([&] {
+    checked_size(area, "area");
+    const endosdk::Rig rig = rig_of(calibration);
+    const endosdk::MeasuredArea found = endosdk::area(maps_of(rig, result), pixels_of(pixels, count));
+    area->flat = found.flat.value;
+    area->flat_standard_error = found.flat.standard_error;
+    area->relief = found.relief.value;
+    area->relief_standard_error = found.relief.standard_error;
+    area->coverage = found.coverage;
+  });
+}
+
+endo_status endo_get_rectification(const endo_calibration* calibration, double alpha, endo_rectification* rectification) {
+  return guarded([&] {
+    checked_size(rectification, "rectification");
+    const endosdk::Rig rig = rig_of(calibration);
+    check_alpha(alpha);
+    const endosdk::PixelMap map(rig, alpha);
+    const endosdk::Rectification& views = map.geometry().views;
+    const auto q = map.q();
+    const auto region = map.region();
+    std::copy(region.begin(), region.end(), rectification->region);
+    std::copy(views.left_rotation.begin(), views.left_rotation.end(), rectification->left_rotation);
+    std::copy(views.right_rotation.begin(), views.right_rotation.end(), rectification->right_rotation);
+    std::copy(views.left_projection.begin(), views.left_projection.end(), rectification->left_projection);
+    std::copy(views.right_projection.begin(), views.right_projection.end(), rectification->right_projection);
+    std::copy(q.begin(), q.end(), rectification->q);
+  });
+}
+
+endo_status endo_raw_to_rectified(const endo_calibration* calibration, double alpha, int32_t right, const double* pixels,
+                                  size_t count, double* rectified) {
+  const auto turn = [](const endosdk::PixelMap& map, endosdk::Side side, endosdk::Point pixel) { return map.to_rectified(side, pixel); };
+  return turn_pixels(calibration, alpha, right, pixels, count, rectified, turn);
+}
+
+endo_status endo_rectified_to_raw(const endo_calibration* calibration, double alpha, int32_t right, const double* pixels,
+                                  size_t count, double* raw) {
+  const auto turn = [](const endosdk::PixelMap& map, endosdk::Side side, endosdk::Point pixel) { return map.to_raw(side, pixel); };
+  return turn_pixels(calibration, alpha, right, pixels, count, raw, turn);
+}
+
+endo_status endo_to_raw_left(const endo_calibration* calibration, const double* points, size_t count, double* raw) {
+  return guarded([&] {
+    const endosdk::Rig rig = rig_of(calibration);
+    require_pointer(points, "points");
+    require_pointer(raw, "output");
+    const endosdk::PixelMap map(rig, 0.0);
+    for (size_t i = 0; i < count; ++i) {
+      const endosdk::Vec3 turned = map.to_raw_left({points[3 * i], points[3 * i + 1], points[3 * i + 2]});
+      std::copy(turned.begin(), turned.end(), raw + 3 * i);
+    }
+  });
+}
+
+}  // extern "C"

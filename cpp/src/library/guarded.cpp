@@ -1,0 +1,20 @@
+#include "library/guarded.hpp"
+
+#include <cstdio>
+
+namespace endosdk {
+namespace {
+
+// A fixed buffer, because out of memory must be reported, too.
+thread_local char text[1024] = "";
+
+}  // namespace
+
+const char* last_error() { return text; }
+
+endo_status report(endo_status status, const char* message) {
+  std::snprintf(text, sizeof text, "%s [%s]", message, endo_status_name(status));
+  return status;
+}
+
+}  // namespace endosdk

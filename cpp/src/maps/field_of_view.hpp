@@ -1,0 +1,57 @@
+// The part of a view that the optics fill, found in the picture itself.
+//
+// Around a circle, an octagon or bars lies an even dark, joined to the border, that ends at an edge. Dark tissue fades: no
+// edge, no field. A field of view has no dents, so tissue as dark as its surroundings is taken back into it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "images/resize.hpp"
+#include "images/size.hpp"
+
+namespace endosdk {
+
+// Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
+class FieldOfView {
+ public:
+  // `levels` are grey levels of cells, row by row.
+  void find(const float* levels, Size cells);
+
+  // Whether it leaves anything out.
+  bool is_part() const { return is_part_; }
+
+  bool inside(int x, int y) const { return inside_[static_cast<size_t>(y) * static_cast<size_t>(size_.width) + static_cast<size_t>(x)] > 0.5f; }
+
+  // 1 for cells inside and 0 for others.
+  FloatView map() const { return {inside_.data(), size_.width, size_.height}; }
+
+  // Of all cells.
+  double share() const { return share_; }
+
+ private:
+  // Where a row of cells begins and ends to be inside; none where last < first.
+  struct Extent {
+    int first;
+    int last;
+  };
+
+  void fill_from_border(const float* levels, float most);
+  bool ends_at_an_edge(const float* levels, float base);
+  bool find_largest_part();
+  void straighten(int side);
+  void write();
+
+  Size size_;
+  bool is_part_ = false;
+  double share_ = 1.0;
+  std::vector<uint8_t> mark_;  // what a cell is taken for
+  std::vector<int32_t> stack_;
+  std::vector<float> steps_;
+  std::vector<Extent> extents_;
+  std::vector<int32_t> hull_;
+  std::vector<float> inside_;
+};
+
+}  // namespace endosdk

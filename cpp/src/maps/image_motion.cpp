@@ -1,0 +1,243 @@
+#include "maps/image_motion.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "platform/threads.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr int steps = 4;        // of Gauss and Newton, per level
+constexpr float ridge = 64.0f;  // grey levels squared: a patch without texture keeps the shift it began with
+constexpr int cells = ImageMotion::patch * ImageMotion::patch;
+
+using Patch = std::array<float, cells>;
+
+size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
+
+// Two neighbours along one axis, and how far the position is from the first.
+struct Between {
+  int first, second;
+  float share;
+
+  Between(float position, int size) {
+    const float inside = std::clamp(position, 0.0f, static_cast<float>(size - 1));
+    first = std::min(static_cast<int>(inside), std::max(size - 2, 0));
+    second = std::min(first + 1, size - 1);
+    share = inside - static_cast<float>(first);
+  }
+};
+
+float blend(const FloatView& map, const Between& x, const Between& y) {
+  const float* const above = map.data + static_cast<ptrdiff_t>(y.first) * map.width;
+  const float* const below = map.data + static_cast<ptrdiff_t>(y.second) * map.width;
+  const float upper = above[x.first] * (1.0f - x.share) + above[x.second] * x.share;
+  const float lower = below[x.first] * (1.0f - x.share) + below[x.second] * x.share;
+  return upper * (1.0f - y.share) + lower * y.share;
+}
+
+void subtract_mean(Patch& values) {
+  float sum = 0.0f;
+  for (const float value : values) sum += value;
+  const float mean = sum / cells;
+  for (float& value : values) value -= mean;
+}
+
+float product(const Patch& a, const Patch& b) {
+  float sum = 0.0f;
+  for (int i = 0; i < cells; ++i) sum += a[static_cast<size_t>(i)] * b[static_cast<size_t>(i)];
+  return sum;
+}
+
+// The patch whose first pixel lies at (left, top), which may be between pixels.
+void read_patch(const FloatView& map, float left, float top, Patch& out) {
+  for (int y = 0; y < ImageMotion::patch; ++y) {
+    const Between row(top + static_cast<float>(y), map.height);
+    for (int x = 0; x < ImageMotion::patch; ++x) {
+      out[static_cast<size_t>(y * ImageMotion::patch + x)] = blend(map, Between(left + static_cast<float>(x), map.width), row);
+    }
+  }
+  subtract_mean(out);
+}
+
+// Slopes along both axes; 0 at the edges of the map.
+void read_slopes(const FloatView& map, int left, int top, Patch& along_x, Patch& along_y) {
+  for (int i = 0; i < cells; ++i) {
+    const int x = left + i % ImageMotion::patch;
+    const int y = top + i / ImageMotion::patch;
+    const float* const here = map.data + static_cast<ptrdiff_t>(y) * map.width + x;
+    const bool inside_x = x > 0 && x + 1 < map.width;
+    const bool inside_y = y > 0 && y + 1 < map.height;
+    along_x[static_cast<size_t>(i)] = inside_x ? 0.5f * (here[1] - here[-1]) : 0.0f;
+    along_y[static_cast<size_t>(i)] = inside_y ? 0.5f * (here[map.width] - here[-map.width]) : 0.0f;
+  }
+  subtract_mean(along_x);
+  subtract_mean(along_y);
+}
+
+// From the shift that it begins with to where the patch was. A shift that ran away goes back to its beginning.
+void follow(const FloatView& now, const FloatView& before, int left, int top, float& shift_x, float& shift_y) {
+  Patch seen, along_x, along_y, found;
+  read_patch(now, static_cast<float>(left), static_cast<float>(top), seen);
+  read_slopes(now, left, top, along_x, along_y);
+  const float a = product(along_x, along_x) + ridge;
+  const float b = product(along_x, along_y);
+  const float c = product(along_y, along_y) + ridge;
+  const float determinant = a * c - b * b;
+  float x = shift_x, y = shift_y;
+  for (int i = 0; i < steps; ++i) {
+    read_patch(before, static_cast<float>(left) + x, static_cast<float>(top) + y, found);
+    for (size_t k = 0; k < found.size(); ++k) found[k] -= seen[k];
+    const float of_x = product(along_x, found);
+    const float of_y = product(along_y, found);
+    x -= (c * of_x - b * of_y) / determinant;
+    y -= (a * of_y - b * of_x) / determinant;
+  }
+  constexpr float farthest = ImageMotion::patch / 2.0f;
+  if (!(std::max(std::abs(x - shift_x), std::abs(y - shift_y)) <= farthest)) return;
+  shift_x = x;
+  shift_y = y;
+}
+
+void halve(const BrightnessMap& from, BrightnessMap& to) {
+  to.resize({from.size.width / 2, from.size.height / 2});
+  for (int y = 0; y < to.size.height; ++y) {
+    const float* const above = from.values.data() + static_cast<ptrdiff_t>(2 * y) * from.size.width;
+    const float* const below = above + from.size.width;
+    float* const out = to.values.data() + static_cast<ptrdiff_t>(y) * to.size.width;
+    for (int x = 0; x < to.size.width; ++x) {
+      out[x] = 0.25f * (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
+    }
+  }
+}
+
+float median_around(const std::vector<float>& values, Size size, int x, int y) {
+  std::array<float, 9> around;
+  size_t count = 0;
+  for (int dy = -1; dy <= 1; ++dy) {
+    const int row = std::clamp(y + dy, 0, size.height - 1);
+    for (int dx = -1; dx <= 1; ++dx) {
+      const int column = std::clamp(x + dx, 0, size.width - 1);
+      around[count++] = values[static_cast<size_t>(row) * static_cast<size_t>(size.width) + static_cast<size_t>(column)];
+    }
+  }
+  std::nth_element(around.begin(), around.begin() + 4, around.end());
+  return around[4];
+}
+
+}  // namespace
+
+float sample_bilinear(const FloatView& map, float x, float y) {
+  return blend(map, Between(x, map.width), Between(y, map.height));
+}
+
+void BrightnessPyramid::read(const PlanarView& view, Size picture) {
+  constexpr int green = 1;
+  unit_ = std::max(1, (picture.width + columns / 2) / columns);
+  maps_[0].resize({picture.width / unit_, picture.height / unit_});
+  const Size size = maps_[0].size;
+  const float share = 1.0f / static_cast<float>(unit_ * unit_);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      int sum = 0;
+      for (int row = 0; row < unit_; ++row) {
+        const uint8_t* const from = view.row(green, y * unit_ + row) + static_cast<ptrdiff_t>(x) * unit_;
+        for (int column = 0; column < unit_; ++column) sum += from[column];
+      }
+      maps_[0].values[static_cast<size_t>(y) * static_cast<size_t>(size.width) + static_cast<size_t>(x)] = share * static_cast<float>(sum);
+    }
+  }
+  levels_ = 1;
+  while (levels_ < most_levels && std::min(maps_[levels_ - 1].size.width, maps_[levels_ - 1].size.height) >= 4 * ImageMotion::patch) {
+    halve(maps_[levels_ - 1], maps_[levels_]);
+    ++levels_;
+  }
+}
+
+void ImageMotion::find(const BrightnessPyramid& now, const BrightnessPyramid& before, int finest) {
+  for (int level = now.levels() - 1; level >= finest; --level) {
+    const FloatView seen = now.level(level).view();
+    start({(seen.width - patch) / step + 1, (seen.height - patch) / step + 1}, level == now.levels() - 1);
+    refine(seen, before.level(level).view());
+    smooth();
+  }
+}
+
+// No shift, or twice that of the nearest patch of the coarser level.
+void ImageMotion::start(Size patches, bool coarsest) {
+  const Size coarse = patches_;
+  std::swap(x_, former_x_);
+  std::swap(y_, former_y_);
+  patches_ = patches;
+  x_.assign(count_of(patches), 0.0f);
+  y_.assign(count_of(patches), 0.0f);
+  if (coarsest) return;
+  const auto nearest = [](int i, int count) {
+    const float middle = static_cast<float>(i * step + patch / 2) / 2.0f;
+    return std::clamp(static_cast<int>((middle - patch / 2.0f) / step + 0.5f), 0, count - 1);
+  };
+  for (int y = 0; y < patches.height; ++y) {
+    for (int x = 0; x < patches.width; ++x) {
+      const auto to = static_cast<size_t>(y * patches.width + x);
+      const auto from = static_cast<size_t>(nearest(y, coarse.height) * coarse.width + nearest(x, coarse.width));
+      x_[to] = 2.0f * former_x_[from];
+      y_[to] = 2.0f * former_y_[from];
+    }
+  }
+}
+
+void ImageMotion::refine(const FloatView& now, const FloatView& before) {
+  const auto follow_rows = [&](int begin, int end, int) {
+    for (int y = begin; y < end; ++y) {
+      for (int x = 0; x < patches_.width; ++x) {
+        const auto i = static_cast<size_t>(y * patches_.width + x);
+        follow(now, before, x * step, y * step, x_[i], y_[i]);
+      }
+    }
+  };
+  parallel_for(patches_.height, 1, follow_rows);
+}
+
+// Single patches that went astray follow their neighbours.
+void ImageMotion::smooth() {
+  former_x_ = x_;
+  former_y_ = y_;
+  for (int y = 0; y < patches_.height; ++y) {
+    for (int x = 0; x < patches_.width; ++x) {
+      const auto i = static_cast<size_t>(y * patches_.width + x);
+      x_[i] = median_around(former_x_, patches_, x, y);
+      y_[i] = median_around(former_y_, patches_, x, y);
+    }
+  }
+}
+
+ImageMotion::Shift ImageMotion::middle() {
+  const auto median = [this](const std::vector<float>& values) {
+    former_x_ = values;
+    const auto middle = former_x_.begin() + static_cast<ptrdiff_t>(former_x_.size() / 2);
+    std::nth_element(former_x_.begin(), middle, former_x_.end());
+    return *middle;
+  };
+  return {median(x_), median(y_)};
+}
+
+ImageMotion::Shift ImageMotion::at(float x, float y) const {
+  constexpr float middle = (patch - 1) / 2.0f;
+  const Between column((x - middle) / step, patches_.width);
+  const Between row((y - middle) / step, patches_.height);
+  return {blend({x_.data(), patches_.width, patches_.height}, column, row),
+          blend({y_.data(), patches_.width, patches_.height}, column, row)};
+}
+
+ImageMotion::Shift ImageMotion::of_patch(int x, int y, int patches_x, int patches_y) const {
+  constexpr float middle = (patch - 1) / 2.0f;
+  const auto place = [](int pixel, int further, int count) {
+    return std::clamp(static_cast<int>(std::floor((static_cast<float>(pixel) - middle) / step + 0.5f)) + further, 0, count - 1);
+  };
+  const auto i = static_cast<size_t>(place(y, patches_y, patches_.height) * patches_.width + place(x, patches_x, patches_.width));
+  return {x_[i], y_[i]};
+}
+
+}  // namespace endosdk

@@ -1,0 +1,200 @@
+#include "maps/matched_views.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
+#include "kernels/kernels.hpp"
+#include "platform/threads.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr int rows_per_block = 4;
+constexpr double one_in_a_thousand = 3.09;  // standard deviations
+
+size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
+
+// White noise comes through a mask of 1 -2 1, both ways, six times as strong; of a normal law half of the values lie
+// within 0.6745 standard deviations. Texture hardly changes the median.
+double noise_of(const PlanarView& view, Size picture, int unit) {
+  constexpr int green = 1;
+  constexpr int largest = 8 * 255;
+  constexpr double half = 0.6745 * 6.0;
+  std::array<int, largest + 1> histogram{};
+  const int step = 2 * unit;
+  int count = 0;
+  for (int y = 1; y + 1 < picture.height; y += 2 * step) {
+    const uint8_t* const above = view.row(green, y - 1);
+    const uint8_t* const here = view.row(green, y);
+    const uint8_t* const below = view.row(green, y + 1);
+    for (int x = 1; x + 1 < picture.width; x += step) {
+      const int corners = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1];
+      const int sides = above[x] + here[x - 1] + here[x + 1] + below[x];
+      ++histogram[static_cast<size_t>(std::abs(corners - 2 * sides + 4 * here[x]))];
+      ++count;
+    }
+  }
+  int below_it = 0;
+  for (int value = 0; value <= largest; ++value) {
+    const int here = histogram[static_cast<size_t>(value)];
+    // Between whole values, so that noise below a grey level is not taken for none.
+    if (here > 0 && 2 * (below_it + here) >= count) return (value + (0.5 * count - below_it) / here - (value > 0 ? 0.5 : 0.0)) / half;
+    below_it += here;
+  }
+  return 0.0;
+}
+
+}  // namespace
+
+void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture,
+                           Scale grid) {
+  unit_ = std::max(1, (picture.width + columns / 2) / columns);
+  cells_ = {picture.width / (2 * unit_), picture.height / (2 * unit_)};
+  if (cells_.width == 0 || cells_.height == 0) cells_ = {};
+  const size_t cells = count_of(cells_);
+  for (auto& plane : brightness_) plane.resize(2 * cells);
+  for (auto& plane : levels_) plane.resize(cells);
+  correlation_.resize(cells);
+  support_.resize(cells);
+  sums_.resize(correlation_sums * cells);
+  if (cells == 0) {
+    left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
+    return;
+  }
+  const int workers = thread_count();
+  const int needed = std::max(2 * cells_.width, correlation_sums * (cells_.width + 2 * correlation_reach));
+  scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(needed));
+  const auto scratch_of = [&](int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * needed; };
+
+  double* const noise[] = {&left_noise_, &right_noise_};
+  const PlanarView* const views[] = {&left, &right};
+  const auto measure_noise = [&](int begin, int end, int) {
+    for (int i = begin; i < end; ++i) *noise[i] = noise_of(*views[i], picture, unit_);
+  };
+  parallel_for(2, 1, measure_noise);
+  const auto read_rows = [&](int begin, int end, int worker) {
+    for (int i = begin; i < end; ++i) {
+      const int view = i % 2;
+      const int y = i / 2;
+      BrightnessRow row{};
+      for (int c = 0; c < 3; ++c) row.channel[c] = views[view]->row(c, y * 2 * unit_);
+      row.stride = views[view]->width;
+      row.unit = unit_;
+      row.count = 2 * cells_.width;
+      row.scratch = scratch_of(worker);
+      row.out = brightness_[view].data() + static_cast<ptrdiff_t>(y) * row.count;
+      kernels().brightness_row(row);
+    }
+  };
+  parallel_for(2 * cells_.height, 2 * rows_per_block, read_rows, workers);
+  parallel_for(2, 1, [&](int begin, int end, int) {
+    for (int i = begin; i < end; ++i) find_field(i);
+  });
+  place(disparity, grid);
+  const auto match_rows = [&](int begin, int end, int worker) {
+    for (int y = begin; y < end; ++y) {
+      float* const sums = sums_.data() + static_cast<ptrdiff_t>(y) * correlation_sums * cells_.width;
+      kernels().match_row({this->left(y), this->right(y), 2 * cells_.width, this->disparity(y), cells_.width, scratch_of(worker), sums});
+    }
+  };
+  parallel_for(cells_.height, rows_per_block, match_rows, workers);
+  constexpr double smoothed = (1.0 + 4.0 + 1.0) / 16.0;
+  const auto left_variance = static_cast<float>(smoothed * noise_of_column(0));
+  const auto right_variance = static_cast<float>(smoothed * noise_of_column(1));
+  const auto judge_rows = [&](int begin, int end, int) {
+    for (int y = begin; y < end; ++y) {
+      CorrelationRow row{};
+      for (int w = 0; w < correlation_window; ++w) {
+        const int from = y + w - correlation_reach;
+        const bool inside = from >= 0 && from < cells_.height;
+        row.sums[w] = inside ? sums_.data() + static_cast<ptrdiff_t>(from) * correlation_sums * cells_.width : nullptr;
+      }
+      for (int i = 0; i < 3; ++i) row.disparity[i] = this->disparity(y + i - 1) - 1;
+      row.cells = cells_.width;
+      row.left_noise = left_variance;
+      row.right_noise = right_variance;
+      row.correlation = correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
+      row.support = support_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
+      kernels().correlation_row(row);
+      if (!all_seen()) keep_unseen(y);
+    }
+  };
+  parallel_for(cells_.height, rows_per_block, judge_rows);
+  sum_up();
+}
+
+// The disparity of each cell, that of the grid's cell at its middle; the outermost cells are repeated once.
+void MatchedViews::place(const FloatView& disparity, Scale grid) {
+  const int stride = cells_.width + 2;
+  disparity_.resize(static_cast<size_t>(stride) * static_cast<size_t>(cells_.height + 2));
+  const auto place_of = [this](int cell, double scale, int count) {
+    return std::min(static_cast<int>((2 * cell + 1) * unit_ * scale), count - 1);
+  };
+  const float columns_per_pixel = 1.0f / static_cast<float>(unit_);
+  const bool whole = all_seen();
+  for (int y = -1; y <= cells_.height; ++y) {
+    const int row = std::clamp(y, 0, cells_.height - 1);
+    const int from = place_of(row, grid.y, disparity.height);
+    const float* const source = disparity.data + static_cast<ptrdiff_t>(from) * disparity.width;
+    float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + 1) * stride;
+    for (int x = 0; x < cells_.width; ++x) {
+      const float found = columns_per_pixel * source[place_of(x, grid.x, disparity.width)];
+      out[x + 1] = whole || both_see(x, row, found) ? found : std::numeric_limits<float>::quiet_NaN();
+    }
+    out[0] = out[1];
+    out[stride - 1] = out[stride - 2];
+  }
+}
+
+// What is not compared keeps its confidence: its pixels have a reason, and those beside them must not suffer.
+void MatchedViews::keep_unseen(int y) {
+  for (int x = 0; x < cells_.width; ++x) {
+    if (std::isnan(disparity(y)[x])) support_[static_cast<size_t>(y) * static_cast<size_t>(cells_.width) + static_cast<size_t>(x)] = 1.0f;
+  }
+}
+
+bool MatchedViews::both_see(int x, int y, float disparity) const {
+  if (!sees(0, x, y)) return false;
+  if (!fields_[1].is_part()) return true;
+  const float match = static_cast<float>(x) - 0.5f * disparity;
+  const bool matched = match >= 0.0f && match <= static_cast<float>(cells_.width - 1);
+  return matched && fields_[1].inside(static_cast<int>(match + 0.5f), y);
+}
+
+double MatchedViews::noise_of_column(int view) const {
+  constexpr double channels = (1.0 + 4.0 + 1.0) / 16.0;
+  const double noise = view == 0 ? left_noise_ : right_noise_;
+  return noise * noise * channels / (2.0 * unit_ * unit_);
+}
+
+void MatchedViews::find_field(int view) {
+  std::vector<float>& levels = levels_[view];
+  const float* const columns_of_view = brightness_[view].data();
+  for (size_t i = 0; i < levels.size(); ++i) levels[i] = 0.5f * (columns_of_view[2 * i] + columns_of_view[2 * i + 1]);
+  fields_[view].find(levels.data(), cells_);
+}
+
+void MatchedViews::sum_up() {
+  double sum = 0.0;
+  double squares = 0.0;
+  int textured = 0;
+  for (int y = 0; y < cells_.height; ++y) {
+    for (int x = 0; x < cells_.width; ++x) {
+      const auto correlation = static_cast<double>(this->correlation(y)[x]);
+      if (std::isnan(correlation) || !sees(0, x, y)) continue;
+      sum += correlation;
+      squares += correlation * correlation;
+      ++textured;
+    }
+  }
+  const double windows = std::max(1.0, textured / static_cast<double>(correlation_window * correlation_window));
+  mean_correlation_ = textured > 0 ? sum / textured : 0.0;
+  const double variance = textured > 0 ? std::max(0.0, squares / textured - mean_correlation_ * mean_correlation_) : 1.0;
+  most_correlation_ = mean_correlation_ + one_in_a_thousand * std::sqrt(variance / windows);
+  textured_share_ = textured / (fields_[0].share() * static_cast<double>(correlation_.size()));
+}
+
+}  // namespace endosdk

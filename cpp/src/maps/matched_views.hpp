@@ -1,0 +1,89 @@
+// Both views of a pair, compared where the network matched them. Whatever asks whether an answer, or a whole frame, can be
+// trusted reads it from here.
+//
+// Everything stands on a grid of cells, about 240 along a row whatever the size of the pictures: 2 x 2 pixels of a picture
+// 480 wide, 4 x 4 of one of 960. Brightness has twice as many columns, since matches lie between cells.
+#pragma once
+
+#include <vector>
+
+#include "images/image.hpp"
+#include "images/resize.hpp"
+#include "images/size.hpp"
+#include "maps/field_of_view.hpp"
+
+namespace endosdk {
+
+// Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
+class MatchedViews {
+ public:
+  static constexpr int columns = 480;  // of brightness, about
+
+  // `picture` is the part of both views that is no padding; `grid` counts grid cells of the disparity, in pixels of the
+  // views, per pixel.
+  void compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture, Scale grid);
+
+  // Cells; none where the picture is too small for one.
+  Size size() const { return cells_; }
+
+  // Pixels of the view per column of brightness; a cell is two columns wide and high.
+  int unit() const { return unit_; }
+
+  // Standard deviation of the noise of one channel's pixels, grey levels.
+  double left_noise() const { return left_noise_; }
+  double right_noise() const { return right_noise_; }
+
+  // What is left of it as a variance, 0: left, 1: right: in the columns of brightness before they are smoothed, and in cells.
+  double noise_of_column(int view) const;
+  double noise_of_cell(int view) const { return noise_of_column(view) * (6.0 + 4.0) / 32.0; }
+
+  // Grey levels of cells, and whether they lie in the field of view.
+  const float* levels(int view, int y) const { return levels_[view].data() + static_cast<ptrdiff_t>(y) * cells_.width; }
+  bool sees(int view, int x, int y) const { return !fields_[view].is_part() || fields_[view].inside(x, y); }
+
+  // Per cell: disparity in columns; correlation of the views, not a number where there is nothing to compare; and the share
+  // of the network's confidence that is left.
+  const float* disparity(int y) const { return disparity_.data() + static_cast<ptrdiff_t>(y + 1) * (cells_.width + 2) + 1; }
+  const float* correlation(int y) const { return correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
+  const float* support(int y) const { return support_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
+
+  // Rows of brightness, 2 * size().width values each.
+  const float* left(int y) const { return brightness_[0].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
+  const float* right(int y) const { return brightness_[1].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
+
+  // Of cells. What lies outside them, or is matched with what does, is not compared, and has no number for its disparity.
+  const FieldOfView& left_field() const { return fields_[0]; }
+  const FieldOfView& right_field() const { return fields_[1]; }
+
+  // Mean correlation of all cells that can be compared, 0 when there are none; the most that it may be, but for one pair in
+  // a thousand; and the share of these cells in the field of view.
+  double correlation() const { return mean_correlation_; }
+  double most_correlation() const { return most_correlation_; }
+  double textured_share() const { return textured_share_; }
+
+ private:
+  void find_field(int view);
+  void place(const FloatView& disparity, Scale grid);
+  bool all_seen() const { return !fields_[0].is_part() && !fields_[1].is_part(); }
+  bool both_see(int x, int y, float disparity) const;
+  void keep_unseen(int y);
+  void sum_up();
+
+  Size cells_;
+  int unit_ = 0;
+  double left_noise_ = 0.0;
+  double right_noise_ = 0.0;
+  double mean_correlation_ = 0.0;
+  double most_correlation_ = 0.0;
+  double textured_share_ = 0.0;
+  FieldOfView fields_[2];
+  std::vector<float> levels_[2];  // of cells
+  std::vector<float> brightness_[2];
+  std::vector<float> disparity_;  // with a cell more on every side
+  std::vector<float> sums_;
+  std::vector<float> correlation_;
+  std::vector<float> support_;
+  std::vector<float> scratch_;  // per worker
+};
+
+}  // namespace endosdk

@@ -1,0 +1,153 @@
+#include "maps/row_disparity.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/kernels.hpp"
+#include "platform/threads.hpp"
+
+namespace endosdk {
+namespace {
+
+// Bands of three rows of cells, this far apart; the first passes, which only come near, take every so many of them.
+constexpr int band_period = 6;
+constexpr int first_band = 2;
+constexpr int coarse_every = 3;
+constexpr int most_coarse_passes = 6;
+
+// Radians: turns that change by less from pass to pass are near enough.
+constexpr double settled = 0.0005;
+
+constexpr float window_cells = 9.0f;  // three rows of three cells, all of which must count
+
+// A window whose gradients along y, beyond those that a wrong disparity explains, sum up to less tells nothing; from
+// `enough` on, more tells little more: what is left then is no noise.
+constexpr float least_information = 2.0f;
+constexpr float enough_information = 20.0f;
+constexpr float ridge = 0.1f;  // keeps windows without gradients along x from dividing by zero
+
+// Rows of brightness that a step may find. Later passes begin near the answer.
+constexpr float longest_step = 2.0f;
+
+bool near_enough(const PoseVector& before, const PoseVector& after) {
+  double most = 0.0;
+  for (size_t i = 0; i < 3; ++i) most = std::max(most, std::abs(after[i] - before[i]));
+  return most < settled;
+}
+
+int first_row(int band) { return first_band + band_period * band; }
+
+}  // namespace
+
+const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatView& confidence, Scale grid, Scale frame,
+                                       const PosePattern& pattern) {
+  views_ = &views;
+  pattern_ = pattern;
+  const Size cells = views.size();
+  column_ = {2.0 * views.unit() * frame.y, views.unit() * frame.x};
+  bands_ = cells.height >= 2 * first_band + 1 ? (cells.height - 1 - 2 * first_band) / band_period + 1 : 0;
+  along_ = std::max(0, (cells.width - 1) / 2);
+  // All memory before any way out, so that the first frame takes what later ones need.
+  scratch_size_ = (row_step_sums + 1) * cells.width;
+  const int workers = thread_count();
+  scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(scratch_size_));
+  wanted_.resize(static_cast<size_t>(3 * bands_) * static_cast<size_t>(cells.width));
+  measurements_.resize(bands_ * along_);
+  error_ = {};
+  if (bands_ == 0 || along_ == 0) return error_;
+  const double noise = std::max(views.left_noise(), views.right_noise());
+  flat_ = least_information + window_cells * static_cast<float>(noise * noise / (8.0 * views.unit() * views.unit()));
+  for (int band = 0; band < bands_; ++band) find_wanted(confidence, grid, band);
+  for (int i = 0; i < most_coarse_passes; ++i) {
+    const PoseVector before = error_.value;
+    pass(coarse_every);
+    if (!measurements_.refine(error_.value)) return error_ = {};
+    if (near_enough(before, error_.value)) break;
+  }
+  pass(1);
+  if (!measurements_.refine(error_.value)) return error_ = {};
+  measurements_.finish(error_);
+  error_.measured = true;
+  return error_;
+}
+
+void RowDisparity::find_wanted(const FloatView& confidence, Scale grid, int band) {
+  const Size cells = views_->size();
+  const auto place_of = [this](int cell, double scale, int count) {
+    return std::min(static_cast<int>((2 * cell + 1) * views_->unit() * scale), count - 1);
+  };
+  for (int r = 0; r < 3; ++r) {
+    const int from = place_of(first_row(band) + r - 1, grid.y, confidence.height);
+    const float* const source = confidence.data + static_cast<ptrdiff_t>(from) * confidence.width;
+    float* const out = wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width;
+    for (int x = 0; x < cells.width; ++x) {
+      out[x] = source[place_of(x, grid.x, confidence.width)] >= row_disparity_confidence ? 1.0f : 0.0f;
+    }
+  }
+}
+
+// Measures every so many bands and forgets the others.
+void RowDisparity::pass(int every) {
+  every_ = every;
+  const auto bands = [this](int begin, int end, int worker) {
+    for (int band = begin; band < end; ++band) measure_band(band, worker);
+  };
+  parallel_for(bands_, 1, bands, static_cast<int>(scratch_.size()) / scratch_size_);
+}
+
+void RowDisparity::measure_band(int band, int worker) {
+  const int first = band * along_;
+  if (band % every_ != every_ / 2 && bands_ >= every_) {
+    for (int i = 0; i < along_; ++i) measurements_.clear(first + i);
+    return;
+  }
+  const Size cells = views_->size();
+  const int row = first_row(band);
+  float* const sums = scratch_of(worker);
+  float* const offset = sums + static_cast<ptrdiff_t>(row_step_sums) * cells.width;
+  std::fill(sums, offset, 0.0f);
+  const float* const disparity = views_->disparity(row);
+  const auto across = static_cast<float>(column_.x);
+  const auto y = static_cast<float>((row + 0.5) * column_.y - 0.5);
+  const auto pattern_of = [&](int cell) {
+    const auto x = static_cast<float>((2 * cell + 0.5) * column_.x - 0.5);
+    return pattern_.rows(x, y, across * disparity[cell]);
+  };
+  for (int i = 0; i < cells.width; ++i) {
+    const auto terms = pattern_of(i);
+    float rows = 0.0f;
+    for (size_t t = 0; t < pose_terms; ++t) rows += static_cast<float>(error_.value[t]) * terms[t];
+    offset[i] = rows / static_cast<float>(column_.y);
+  }
+  for (int r = 0; r < 3; ++r) {
+    const int here = row + r - 1;
+    kernels().row_step_row({views_->left(0), views_->right(0), 2 * cells.width, cells.height, here, cells.width,
+                            views_->disparity(here), offset,
+                            wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, sums});
+  }
+  const int block_row = band * pose_blocks_down / bands_ * pose_blocks_across;
+  for (int i = 0; i < along_; ++i) {
+    const int cell = 2 * i + 1;
+    float s[row_step_sums];
+    for (int p = 0; p < row_step_sums; ++p) {
+      const float* const at = sums + static_cast<ptrdiff_t>(p) * cells.width + cell;
+      s[p] = at[-1] + at[0] + (cell + 1 < cells.width ? at[1] : 0.0f);
+    }
+    const auto central = [&](int product, int a, int b) { return s[product] - s[a] * s[b] * (1.0f / window_cells); };
+    const float xx = central(4, 1, 1) + ridge;
+    const float xy = central(5, 1, 2);
+    const float yy = central(6, 2, 2);
+    const float determinant = xx * yy - xy * xy;
+    const float information = determinant / xx;
+    const float step = (xx * central(8, 2, 3) - xy * central(7, 1, 3)) / determinant;
+    const bool usable = s[0] == window_cells && information > flat_ && std::abs(step) < longest_step;
+    if (!usable) {
+      measurements_.clear(first + i);
+      continue;
+    }
+    measurements_.set(first + i, pattern_of(cell), step * static_cast<float>(column_.y),
+                      information / (information + enough_information), block_row + i * pose_blocks_across / along_);
+  }
+}
+
+}  // namespace endosdk

@@ -1,0 +1,46 @@
+// What is left across the rows of a matched pair, and what it tells of the rig: one Lucas-Kanade step along y at the
+// disparity found, in windows all over the picture, then the pose error that explains them.
+#pragma once
+
+#include <vector>
+
+#include "geometry/pose_error.hpp"
+#include "images/resize.hpp"
+#include "maps/matched_views.hpp"
+
+namespace endosdk {
+
+// Confidence of the network from which a cell counts.
+constexpr float row_disparity_confidence = 0.5f;
+
+// Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
+class RowDisparity {
+ public:
+  // `frame` says how many pixels of the frame one of the views is worth; `grid` counts cells of the confidence per pixel
+  // of the views.
+  const PoseError& measure(const MatchedViews& views, const FloatView& confidence, Scale grid, Scale frame,
+                           const PosePattern& pattern);
+
+  const PoseError& latest() const { return error_; }
+
+ private:
+  void measure_band(int band, int worker);
+  void find_wanted(const FloatView& confidence, Scale grid, int band);
+  void pass(int every);
+  float* scratch_of(int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * scratch_size_; }
+
+  const MatchedViews* views_ = nullptr;
+  PosePattern pattern_;
+  Scale column_;  // frame px per column and per row of brightness
+  int bands_ = 0;
+  int along_ = 0;  // windows along a band
+  int every_ = 1;
+  float flat_ = 0.0f;
+  int scratch_size_ = 0;
+  PoseMeasurements measurements_;
+  std::vector<float> wanted_;  // three rows a band
+  std::vector<float> scratch_;  // per worker
+  PoseError error_;
+};
+
+}  // namespace endosdk

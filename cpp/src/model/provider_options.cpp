@@ -1,0 +1,37 @@
+#include "model/provider_options.hpp"
+
+#include <set>
+
+#include "model/providers.hpp"
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr const char* argument = "provider_options";
+
+std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
+
+}  // namespace
+
+ProviderOptions parse_provider_options(const std::vector<std::string>& texts) {
+  ProviderOptions options;
+  for (const std::string& text : texts) {
+    const size_t sign = text.find('=');
+    require(sign != std::string::npos, argument, "must be of the form key=value", in_quotes(text));
+    options.emplace_back(text.substr(0, sign), text.substr(sign + 1));
+  }
+  return options;
+}
+
+void check_provider_options(const std::string& provider, const ProviderOptions& options) {
+  std::set<std::string> seen;
+  for (const auto& [key, value] : options) {
+    require(!key.empty(), argument, "must have a key before the '='", in_quotes("=" + value));
+    require(seen.insert(key).second, argument, "must give a key once", in_quotes(key));
+  }
+  require(options.empty() || full_provider_name(provider) != cpu_provider, argument,
+          "must be empty for the processor, which takes none", options.empty() ? "" : in_quotes(options.front().first));
+}
+
+}  // namespace endosdk

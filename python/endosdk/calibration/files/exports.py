@@ -1,0 +1,127 @@
+"""Write a rig in the layouts of other programs; the file's name says which.
+
+| name | layout |
+|---|---|
+| ``NAME.opencv.yaml`` | OpenCV's FileStorage: K1 D1 K2 D2 R T, and R1 R2 P1 P2 Q; mm |
+| ``NAME.ros.yaml`` | ``NAME.left.ros.yaml`` and ``NAME.right.ros.yaml``, a pair of camera_info; metres |
+| ``NAME.kalibr.yaml`` | a camchain; metres |
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from endosdk.calibration.files.native import NumbersInLines
+from endosdk.errors import InvalidArgument
+from endosdk.io.whole_files import write_text
+
+if TYPE_CHECKING:
+    from endosdk.calibration.rig import StereoCalibration
+
+ENDINGS = (".opencv.yaml", ".ros.yaml", ".kalibr.yaml")
+METRES = 1e-3
+
+
+def layout_of(path: Path) -> str | None:
+    """Return the ending by which a name asks for another program's layout, or None."""
+    return next((ending for ending in ENDINGS if path.name.lower().endswith(ending)), None)
+
+
+def write(calibration: StereoCalibration, path: Path) -> list[Path]:
+    """Write the layout that the name asks for, and return the files. Raises `StorageFailed`."""
+    ending = layout_of(path)
+    if ending == ".opencv.yaml":
+        write_text(path, _opencv(calibration))
+        return [path]
+    if ending == ".kalibr.yaml":
+        write_text(path, _yaml(_kalibr(calibration)))
+        return [path]
+    if ending != ".ros.yaml":
+        raise InvalidArgument("path", f"must end in {', '.join(ENDINGS)}", path.name)
+    stem = path.name[: -len(ending)]
+    files = [path.with_name(f"{stem}.{side}.ros.yaml") for side in ("left", "right")]
+    for side, file in zip(("left", "right"), files, strict=True):
+        write_text(file, _yaml(_ros(calibration, side)))
+    return files
+
+
+def _opencv(calibration: StereoCalibration) -> str:
+    import cv2
+
+    from endosdk.calibration.q_matrix import q_matrix
+
+    c, g = calibration, calibration.rectification()
+    storage = cv2.FileStorage("rig.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", c.width)
+    storage.write("image_height", c.height)
+    for name, value in {
+        **{"K1": c.left_matrix, "D1": _row(c.left_distortion), "K2": c.right_matrix, "D2": _row(c.right_distortion)},
+        **{"R": c.rotation, "T": c.translation.reshape(3, 1), "R1": g.R1, "R2": g.R2, "P1": g.P1, "P2": g.P2},
+        "Q": q_matrix(g),
+    }.items():
+        storage.write(name, np.ascontiguousarray(value))
+    text = storage.releaseAndGetString()
+    return str(text)
+
+
+def _row(distortion: Any) -> Any:
+    return (distortion if distortion.size else np.zeros(4)).reshape(1, -1)
+
+
+def _kalibr(calibration: StereoCalibration) -> dict[str, Any]:
+    c = calibration
+    transform = np.eye(4)
+    transform[:3, :3] = c.rotation
+    transform[:3, 3] = c.translation * METRES
+    return {
+        "cam0": _kalibr_camera(c, c.left_matrix, c.left_distortion),
+        "cam1": {**_kalibr_camera(c, c.right_matrix, c.right_distortion), "T_cn_cnm1": transform.tolist()},
+    }
+
+
+def _kalibr_camera(calibration: StereoCalibration, matrix: Any, distortion: Any) -> dict[str, Any]:
+    if distortion.size > 4 and distortion[4:].any():
+        rule = "must have no more than four coefficients for a camchain; export to OpenCV or ROS"
+        raise InvalidArgument("distortion", rule, distortion.tolist())
+    return {
+        "camera_model": "pinhole",
+        "intrinsics": [float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2))],
+        "distortion_model": "equidistant" if calibration.model == "fisheye" else "radtan",
+        "distortion_coeffs": _row(distortion)[0, :4].tolist(),
+        "resolution": [calibration.width, calibration.height],
+    }
+
+
+def _ros(calibration: StereoCalibration, side: str) -> dict[str, Any]:
+    c, g = calibration, calibration.rectification()
+    left = side == "left"
+    distortion = _row(c.left_distortion if left else c.right_distortion)[0]
+    projection = (g.P1 if left else g.P2).copy()
+    projection[:, 3] *= METRES
+    if c.model == "fisheye":
+        model = "equidistant"
+    else:
+        model = "plumb_bob" if distortion.size <= 5 else "rational_polynomial"
+        distortion = np.pad(distortion, (0, max(0, 5 - distortion.size)))
+    return {
+        "image_width": c.width,
+        "image_height": c.height,
+        "camera_name": side,
+        "camera_matrix": _ros_matrix(c.left_matrix if left else c.right_matrix),
+        "distortion_model": model,
+        "distortion_coefficients": _ros_matrix(distortion.reshape(1, -1)),
+        "rectification_matrix": _ros_matrix(g.R1 if left else g.R2),
+        "projection_matrix": _ros_matrix(projection),
+    }
+
+
+def _ros_matrix(values: Any) -> dict[str, Any]:
+    return {"rows": values.shape[0], "cols": values.shape[1], "data": values.ravel().tolist()}
+
+
+def _yaml(content: dict[str, Any]) -> str:
+    return yaml.dump(content, Dumper=NumbersInLines, sort_keys=False, width=120)

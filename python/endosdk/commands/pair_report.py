@@ -1,0 +1,92 @@
+"""What one stereo pair is worth, in words that a person can act on: its causes, its reasons, and what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from endosdk import _core
+from endosdk.commands.report import Report
+
+if TYPE_CHECKING:
+    from endosdk.runtime.overview import Picture
+    from endosdk.runtime.result import DepthResult
+
+MODEL = "fast"
+
+
+def explain_pair(report: Report, pair: list[Path], calibration: Path | None) -> list[str]:
+    """Say what is wrong with a pair and what to do about it; return what makes it unusable."""
+    from endosdk import DepthEstimator, Status, StereoCalibration
+    from endosdk.io.pictures import read_frame
+
+    left, right = read_frame(pair[0]), read_frame(pair[1])
+    rig = StereoCalibration.load(calibration) if calibration else None
+    with DepthEstimator(MODEL, calibration=rig) as estimator:
+        result = estimator.predict(left, right)
+        views = estimator.rectify(left, right)
+    report.record["pair"] = {
+        "status": result.status.name,
+        "valid_share": result.valid_share,
+        "causes": {cause.name: measure for cause, measure in result.causes.items()},
+        "measures": {cause.name: measure for cause, measure in result.measures.items()},
+    }
+    _causes(report, result)
+    _reasons(report, result)
+    unusable = [
+        f"the pair cannot be used: {_core.cause_facts[cause]['meaning']}"
+        for cause, measure in result.causes.items()
+        if result.status is Status.INVALID and _is_beyond(measure, _core.cause_facts[cause]["invalid"], cause)
+    ]
+    return unusable + _rows(report, views, calibrated=rig is not None)
+
+
+def _is_beyond(measure: float, limit: float, cause: _core.Cause) -> bool:
+    return measure >= limit if _core.cause_facts[cause]["bad"] == "high" else measure < limit
+
+
+def _causes(report: Report, result: DepthResult) -> None:
+    """Say the status and each cause: what it means, what was measured, what to do."""
+    report.line(f"pair         status {result.status.name}, {100 * result.valid_share:.1f} % of the pixels are valid")
+    for cause, measure in result.causes.items():
+        fact = _core.cause_facts[cause]
+        side = "from" if fact["bad"] == "high" else "below"
+        report.line(f"cause        {cause.name}: {fact['meaning']}")
+        report.line(f"             measured {measure:.3g}, wrong {side} {fact['degraded']:.3g}: {fact['measure']}")
+        report.line(f"             what to do: {fact['remedy']}")
+    calm = [f"{cause.name} {measure:.3g}" for cause, measure in result.measures.items() if cause not in result.causes]
+    report.line(f"measured     {', '.join(calm)}")
+
+
+def _reasons(report: Report, result: DepthResult) -> None:
+    """Say which shares of the pixels are not valid, by their reasons."""
+    from endosdk import Reason
+
+    bits = np.bincount(result.reasons.ravel(), minlength=256) / result.reasons.size
+    shares = {
+        reason.name or "": float(sum(share for value, share in enumerate(bits) if value & reason)) for reason in Reason
+    }
+    report.record["pair"]["reasons"] = shares
+    named = [f"{name} {100 * share:.1f} %" for name, share in shares.items() if share >= 0.0005]
+    report.line(f"reasons      {', '.join(named) or 'none'}")
+
+
+def _rows(report: Report, views: tuple[Picture, Picture], *, calibrated: bool) -> list[str]:
+    """Say by how much the rows of the rectified views differ."""
+    from endosdk.commands.predict import VERTICAL_DISPARITY_LIMIT
+    from endosdk.evaluation.vertical_disparity import vertical_disparity
+
+    offset = vertical_disparity(*views)
+    report.record["pair"] |= {"vertical_disparity_px": offset.median_px, "matches": offset.matches}
+    if offset.median_px is None:
+        report.line(f"rows         too few matches to judge ({offset.matches})")
+        return []
+    differ = f"rows differ by {offset.median_px:.2f} px (median of {offset.matches} matches)"
+    report.line(f"rows         {differ}")
+    if offset.median_px <= VERTICAL_DISPARITY_LIMIT:
+        return []
+    if not calibrated:
+        return [f"the pair is not rectified: {differ}; for a raw pair give its --calibration"]
+    return [f"the calibration does not fit the pair: {differ} after rectification"]

@@ -1,0 +1,50 @@
+"""Plain folders: one folder a pair, with pictures and truth alone, and no camera.
+
+``left.png``, ``right.png`` and ``disparity.png`` (16 bits of 256 times the disparity in px, 0: unknown); optionally
+``nonoccluded.png``, which is not 0 where both views see the point.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_gray
+from endosdk.datasets.layouts.public import PublicReader
+from endosdk.errors import DatasetInvalid
+
+
+class PlainReader(PublicReader):
+    """Every such folder below the root; focal length and baseline of its samples are NaN."""
+
+    layout = "plain"
+    splits = ("test",)
+    default_split = "test"
+
+    def find(self) -> dict[str, tuple[Path, ...]]:
+        """List the folders."""
+        found: dict[str, tuple[Path, ...]] = {}
+        for truth in sorted(self.root.rglob("disparity.png")):
+            folder = truth.parent
+            name = folder.relative_to(self.root).as_posix() if folder != self.root else folder.name
+            found[name] = (folder / "left.png", folder / "right.png", truth, folder / "nonoccluded.png")
+        return found
+
+    def read(self, sample_id: str, files: tuple[Path, ...]) -> Sample:
+        """Read views, truth and the mask."""
+        left, right, truth, mask = files
+        disparity = read_disparity(truth)
+        seen = read_gray(mask) > 0 if mask.exists() else None
+        if seen is not None and seen.shape != disparity.shape:
+            raise DatasetInvalid("sample", f"{mask} must be as large as the truth {disparity.shape}", seen.shape)
+        return Sample(
+            id=sample_id,
+            left=read_colours(left),
+            right=read_colours(right),
+            disparity=disparity,
+            disparity_right=None,
+            occlusion=None if seen is None else ~seen,
+            focal_px=math.nan,
+            baseline_mm=math.nan,
+            info={"layout": self.layout},
+        )

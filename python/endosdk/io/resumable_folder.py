@@ -1,0 +1,51 @@
+"""A folder that a long job fills: begun once, and gone on with by the same command after any stop."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.io.documents import parse_json
+from endosdk.io.locks import LOCK
+from endosdk.io.whole_files import PARTIAL, remove_partials, write_text
+
+LARGEST_RECORD = 1 << 28  # bytes: the errors of a million pictures that cannot be used
+
+
+def claim_folder(
+    folder: Path, record: str, fresh: dict[str, Any], fits: Callable[[dict[str, Any]], bool], rule: str
+) -> dict[str, Any]:
+    """Write ``fresh`` as the ``record`` of a new folder, or return the record of one that was begun and still ``fits``.
+
+    What killed processes left is removed. Raises InvalidArgument, with the ``rule``, where a folder that was begun does
+    not fit, or holds anything else; StorageFailed where it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if (folder / record).exists():
+            begun = _read(folder / record)
+            if not fits(begun):
+                raise InvalidArgument("out", rule, folder)
+        elif all(found.name == LOCK or found.name.startswith(PARTIAL) for found in folder.iterdir()):
+            begun = fresh
+            write_text(folder / record, json.dumps(fresh, indent=1) + "\n", "out")
+        else:
+            raise InvalidArgument("out", "must be an empty or new folder, or one begun by this command", folder)
+        remove_partials(folder)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{folder}: {error}") from error
+    return begun
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        begun = parse_json(read_bounded(path, LARGEST_RECORD).decode())
+    except (Refused, ValueError) as error:
+        raise InvalidArgument("out", f"{path.name} must be what this command wrote", f"{path}: {error}") from error
+    if not isinstance(begun, dict):
+        raise InvalidArgument("out", f"{path.name} must be what this command wrote", path)
+    return begun

@@ -1,0 +1,139 @@
+"""What all sources have in common."""
+
+from __future__ import annotations
+
+import logging
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self, get_args
+
+from endosdk.errors import InvalidArgument
+from endosdk.live.frames import Frame
+
+Layout = Literal["side-by-side", "top-bottom", "side-by-side-half", "top-bottom-half"]
+Queue = Literal["auto", "every", "newest"]
+Scan = Literal["auto", "interlaced", "progressive"]
+# What a stamp counts from: the start of the medium, the wall clock at capture (1970), or frames at a rate.
+Clock = Literal["medium", "wall", "counted"]
+
+DEFAULT_RATE = 25.0
+MOST_FAULTS = 100  # that a source keeps the texts of
+
+log = logging.getLogger("endosdk")
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """The keywords of `open_source`, checked."""
+
+    layout: Layout = "side-by-side"
+    queue: Queue = "auto"
+    scan: Scan = "auto"
+    rate: float | None = None
+    raw: str | None = None
+
+    def __post_init__(self) -> None:
+        for name, choices in (("layout", Layout), ("queue", Queue), ("scan", Scan)):
+            if getattr(self, name) not in get_args(choices):
+                raise InvalidArgument(name, f"must be one of {', '.join(get_args(choices))}", repr(getattr(self, name)))
+        if self.rate is not None and not (math.isfinite(self.rate) and 0 < self.rate <= 1000):
+            raise InvalidArgument("rate", "must be frames a second, above 0 and at most 1000", self.rate)
+
+
+class Source(ABC):
+    """Stereo frames, one after the other. Iterate over it; close it, or use it in a ``with``.
+
+    ``word`` names it, ``live`` says that it does not wait for its reader, ``clock`` what time stamps count from,
+    ``count`` is how many frames there are, None where nobody knows. ``dropped`` counts the frames that the reader never
+    got. ``faults`` holds what went wrong without ending the source, each also a warning of the log ``endosdk``.
+    """
+
+    live: bool = False
+    clock: Clock = "medium"
+    count: int | None = None
+
+    def __init__(self, word: str) -> None:
+        self.word = word
+        self.dropped = 0
+        self.faults: list[str] = []
+        self._tagger: Callable[[Frame], Any] | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self.frames()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def frames(self, start: int = 0) -> Iterator[Frame]:
+        """Yield the frames from number ``start`` on.
+
+        Raises `SourceFailed` in the place of the first frame that cannot be had any more.
+        """
+        order = _TimeOrder()
+        for frame in self._read(start):
+            stamp, fault = order.next(frame.stamp_ns)
+            if fault is not None:
+                self.note(f"frame {frame.number}: {fault}")
+                fault = _joined(frame.fault, fault)
+            frame = replace(frame, stamp_ns=stamp, fault=fault or frame.fault)
+            if self._tagger is not None:
+                frame = replace(frame, tag=self._tagger(frame))
+            yield frame
+
+    def tagged(self, tagger: Callable[[Frame], Any]) -> Self:
+        """Let ``tagger`` attach a tag to every frame, such as the pose of a robot; return this source."""
+        self._tagger = tagger
+        return self
+
+    def note(self, fault: str) -> None:
+        """Keep what went wrong, and warn."""
+        log.warning("%s: %s", self.word, fault)
+        if len(self.faults) < MOST_FAULTS:
+            self.faults.append(fault)
+
+    @abstractmethod
+    def _read(self, start: int) -> Iterator[Frame]:
+        """Yield the frames from ``start`` on as they come."""
+
+    def close(self) -> None:  # noqa: B027 - most sources hold nothing
+        """Let go of files and devices; frames that were yielded stay good."""
+
+
+class _TimeOrder:
+    """Makes time stamps grow. One that runs backwards is a fault; a clock that began anew goes on from where it was."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None  # as it was given on
+        self._came: int | None = None  # as it came
+        self._added = 0
+        self._was_back = False
+
+    def next(self, stamp: int) -> tuple[int, str | None]:
+        """Return the stamp to give on, ns, and what was wrong."""
+        last, came, fault = self._last, self._came, None
+        out = stamp + self._added
+        if last is None or came is None or out > last:
+            self._was_back = False
+        elif self._was_back and stamp > came:  # two that go together: the clock itself is another
+            self._added = last + (stamp - came) - stamp
+            fault = f"time stamps began anew before {stamp} ns; from here on {self._added} ns are added"
+            out, self._was_back = stamp + self._added, False
+        else:
+            fault = f"time stamp {stamp} ns is not after the one before, {came} ns; counted on from there"
+            out, self._was_back = last + 1, True
+        self._last, self._came = out, stamp
+        return out, fault
+
+
+def stamp_of(number: int, rate: float) -> int:
+    """Return the time of a frame that has no stamp of its own, ns."""
+    return round(number * 1e9 / rate)
+
+
+def _joined(first: str | None, second: str) -> str:
+    return second if first is None else f"{first}; {second}"

@@ -1,0 +1,160 @@
+"""Video files with two views in one picture, two video files, and video on standard input."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from itertools import islice, zip_longest
+from pathlib import Path
+from typing import BinaryIO
+
+from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.live.frames import Frame
+from endosdk.live.sources.decoder import Counted, Decoded, Decoder, load_av
+from endosdk.live.sources.source import DEFAULT_RATE, Source, SourceOptions
+from endosdk.live.sources.views import split
+
+RAW_RULE = "must be FORMAT:WxH with a pixel format of FFmpeg, such as uyvy422:1920x1080, nv12:1280x720 or gray:640x480"
+FRAMES_AT_THE_END = 3  # that a file may state and not hold: containers round, and sound may go on
+
+
+class VideoFile(Source):
+    """A video file whose pictures hold both views."""
+
+    def __init__(self, path: Path, options: SourceOptions) -> None:
+        super().__init__(str(path))
+        self._options = options
+        decoder = self._decoder()  # refuses here what is no video
+        self.count = decoder.count
+        decoder.close()
+
+    def _decoder(self) -> Decoder:
+        return Decoder(self.word, self.word, self.note, scan=self._options.scan)
+
+    def _read(self, start: int) -> Iterator[Frame]:
+        decoder = self._decoder()
+        try:
+            number, last = -1, 0
+            for number, decoded in enumerate(decoder.pictures()):
+                last = decoded.stamp_ns
+                if number >= start:  # frames before it are decoded all the same: seeking is not exact in every file
+                    yield _framed(decoded, number, self._options)
+            short = self.count is not None and number + 1 < self.count
+            if decoder.end_ns is not None and decoder.end_ns - last > FRAMES_AT_THE_END * 1e9 / decoder.rate:
+                short = True
+            if short:
+                self.note(f"ends after {number + 1} frames, {last / 1e9:.2f} s: earlier than the file states")
+        finally:
+            decoder.close()
+
+
+class TwoVideos(Source):
+    """Two video files, one of each view, paired by the number of the frame."""
+
+    def __init__(self, left: Path, right: Path, options: SourceOptions) -> None:
+        super().__init__(f"{left},{right}")
+        self._paths = left, right
+        self._options = options
+        decoders = self._decoders()
+        counts = [decoder.count for decoder in decoders]
+        self.count = None if None in counts else min(count for count in counts if count is not None)
+        for decoder in decoders:
+            decoder.close()
+
+    def _decoders(self) -> list[Decoder]:
+        return [Decoder(str(path), str(path), self.note, scan=self._options.scan) for path in self._paths]
+
+    def _read(self, start: int) -> Iterator[Frame]:
+        decoders = self._decoders()
+        try:
+            pairs = zip_longest(*(decoder.pictures() for decoder in decoders))
+            for number, (left, right) in islice(enumerate(pairs), start, None):
+                if left is None or right is None:
+                    shorter = self._paths[0 if left is None else 1]
+                    self.note(f"{shorter} ends after {number} frames, the other goes on")
+                    return
+                yield paired(left, right, number)
+        finally:
+            for decoder in decoders:
+                decoder.close()
+
+
+class Piped(Source):
+    """Video that comes through a pipe. It can be read once."""
+
+    def __init__(self, file: BinaryIO, options: SourceOptions) -> None:
+        super().__init__("standard input")
+        self._options = options
+        container, settings = "yuv4mpegpipe", {}
+        if options.raw is not None:
+            container, settings = "rawvideo", _raw_settings(options.raw, options.rate)
+        self._pipe = Counted(file)
+        self._decoder = self._opened(container, settings)
+        self._begun = False
+
+    def _opened(self, container: str, settings: dict[str, str]) -> Decoder:
+        try:
+            return Decoder(
+                self._pipe, self.word, self.note, scan=self._options.scan, container=container, options=settings
+            )
+        except SourceFailed:
+            if self._pipe.count:
+                raise
+            raise self._nothing() from None
+
+    def _nothing(self) -> SourceFailed:
+        rule = "must give a whole frame; look for an error of the program before the pipe"
+        return SourceFailed("source", rule, f"{self._pipe.count} bytes of standard input")
+
+    def _read(self, start: int) -> Iterator[Frame]:
+        if self._begun:
+            raise InvalidArgument("source", "standard input can be read once only", "a second reader")
+        self._begun = True
+        count = 0
+        for number, decoded in enumerate(self._decoder.pictures()):
+            count = number + 1
+            if number >= start:
+                yield _framed(decoded, number, self._options)
+        if not count:
+            raise self._nothing()
+        left = self._pipe.count - (self._decoder.end_of_whole or 0)
+        if left:
+            self.note(f"ends within frame {count}: {left} bytes of it came; {count} frames before it are whole")
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._decoder.close()
+
+
+def standard_input(options: SourceOptions) -> Source:
+    """Return what comes through standard input: Y4M, or bare pixels where ``options.raw`` describes them."""
+    return Piped(sys.stdin.buffer, options)
+
+
+def paired(left: Decoded, right: Decoded, number: int) -> Frame:
+    """Return the frame of two pictures. The left one's time stamp stands for both."""
+    if left.picture.shape != right.picture.shape:
+        raise InvalidArgument("source", f"both views must have one size, {left.picture.shape}", right.picture.shape)
+    return Frame(left.picture, right.picture, number, left.stamp_ns, fault=left.fault or right.fault)
+
+
+def _framed(decoded: Decoded, number: int, options: SourceOptions) -> Frame:
+    left, right = split(decoded.picture, options.layout)
+    return Frame(left, right, number, decoded.stamp_ns, fault=decoded.fault)
+
+
+def _raw_settings(raw: str, rate: float | None) -> dict[str, str]:
+    """Return what FFmpeg must know of bare pixels."""
+    match = re.fullmatch(r"([a-z0-9]+):(\d+)x(\d+)", raw)
+    if match is None or not 0 < int(match[2]) * int(match[3]) < 2**28:
+        raise InvalidArgument("raw", RAW_RULE, repr(raw))
+    try:
+        load_av().VideoFormat(match[1])
+    except ValueError as error:
+        raise InvalidArgument("raw", RAW_RULE, repr(raw)) from error
+    return {
+        "pixel_format": match[1],
+        "video_size": f"{match[2]}x{match[3]}",
+        "framerate": str(rate or DEFAULT_RATE),
+    }

@@ -1,0 +1,184 @@
+"""`Fast` on the halved frame, then a second look at the frame's own width.
+
+The first stage has the range and the surroundings at a quarter of the cost. What it leaves open are fractions of a
+pixel and a few pixels around edges. The second stage compares the views at the disparity found, and at the nearest and
+farthest one of the neighbourhood: across an edge, the right answer is one of these. A refinement like that of `Fast`
+decides between them. No volume is searched at the full width, so twice the width costs a constant, whatever the range.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, check_max_disparity
+from endosdk.training.networks.blocks import (
+    ConvNorm,
+    ResidualPair,
+    fold_batch_norm,
+    fold_colour_scaling,
+    scaled_colours,
+)
+from endosdk.training.networks.confidence import ConfidenceHead
+from endosdk.training.networks.fast import (
+    CELL,
+    FINE,
+    LARGE,
+    ROUGH_SLOPE,
+    SMALL,
+    STRIDE,
+    WIDE_UNIT,
+    Fast,
+    Refinement,
+    Shape,
+    unshuffled,
+)
+from endosdk.training.networks.fast_export import ByteRows, over_byte_rows
+from endosdk.training.networks.photometric import brightness, moments, step
+
+FIRST = "first."  # prefix of the names of the first stage's weights
+HALVED = 2  # pixels of the frame per pixel that the first stage sees
+NEIGHBOURS = 5  # cells, along each axis, among which the nearest and the farthest surface are looked for
+DISPARITY_HINT = 3 * FINE**2 + 3  # which of the hints is the disparity
+HINTS = 3 * FINE**2 + 4 + 2 * 4  # channels that tell the refinement what the comparisons gave
+UNIT = 16.0  # px; in this unit differences of disparities are about as large as the other hints
+# Of the correction, the belief in the step, and the gates to the nearest and the farthest surface around: it starts
+# with the map of the first stage and the step that the pictures ask for.
+START = 0.0, 1.0, -3.0, -3.0
+
+
+class Cascade(StereoNetwork):
+    """`Fast` at half the width, comparison of the pictures at the frame's own, refinement at 1/4, answer at 1/2."""
+
+    name = "cascade"
+    input_multiple = HALVED * Fast.input_multiple
+    coarse_stride = CELL
+    output_stride = STRIDE
+    plane_step = HALVED * CELL
+    inference_width = 960
+    default_crop = (256, 512)
+
+    def __init__(
+        self, max_disparity: int = 240, *, dense_disparity: int | None = None, mode_reach: int | None = None
+    ) -> None:
+        """Build with random weights; ``max_disparity`` and ``dense_disparity`` in input px, multiples of 16.
+
+        The settings are those of `Fast`, which gets them halved. The first stage does not learn: it is trained alone,
+        as `Fast`, and taken over (`adapted`).
+        """
+        super().__init__()
+        self.hint_unit = 1.0  # cells; of the disparity that the refinement is given
+        self.max_disparity = check_max_disparity(max_disparity, HALVED * CELL * HALVED)
+        self.first = Fast(
+            max_disparity // HALVED,
+            dense_disparity=None if dense_disparity is None else dense_disparity // HALVED,
+            mode_reach=mode_reach,
+        )
+        self.candidates = tuple(HALVED * candidate for candidate in self.first.candidates)
+        shape = Shape()
+        self.pixels = Colours()
+        self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
+        self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
+        self.refinement = Refinement(shape, HINTS, START)
+        self.refine_margin = shape.refine_margin(self.input_multiple)
+        self.confidence = ConfidenceHead(channels=8, clues=HINTS - 1)
+
+    @property
+    def max_candidate_disparity(self) -> int:
+        """The largest disparity there is a plane for, input px."""
+        return self.candidates[-1]
+
+    def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
+        """Return weights of a `Cascade`, or those of a `Fast` with a second stage as it is now."""
+        if any(name.startswith(FIRST) for name in weights):
+            weights = self.with_clues(weights)
+            first = {name.removeprefix(FIRST): value for name, value in weights.items() if name.startswith(FIRST)}
+            return weights | {FIRST + name: value for name, value in self.first.with_clues(first).items()}
+        own = {name: value for name, value in self.state_dict().items() if not name.startswith(FIRST)}
+        first = self.first.adapted(weights, max_disparity, dense_disparity)
+        return own | {FIRST + name: value for name, value in first.items()}
+
+    def train(self, mode: bool = True) -> Cascade:
+        """Set the second stage to train; the first keeps its statistics."""
+        super().train(mode)
+        self.first.eval()
+        return self
+
+    def coarse(self, left: Tensor, right: Tensor) -> Coarse:
+        """Let the first stage answer on the halved views, and compare the views there and at its neighbours."""
+        pairs = left.shape[0]
+        views = torch.cat([left, right])
+        values, bright = self.pixels(left, views)
+        with torch.no_grad():
+            halves = F.avg_pool2d(views.to(torch.float32), HALVED)
+            found = self.first(halves[:pairs], halves[pairs:])
+            disparity = found.disparities[-1].to(torch.float32) * HALVED
+        evidence = F.interpolate(found.evidence, scale_factor=2.0, mode="nearest")
+        compared = moments(bright[:pairs], bright[pairs:], disparity, STRIDE)
+        cells = F.avg_pool2d(compared, FINE)
+        fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
+        shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
+        hints = [shuffled, small.step, small.texture, large.step, disparity / (CELL * self.hint_unit)]
+        reach = NEIGHBOURS // 2
+        near = F.max_pool2d(disparity, NEIGHBOURS, 1, reach)
+        far = -F.max_pool2d(-disparity, NEIGHBOURS, 1, reach)
+        for other in (near, far):
+            seen = step(moments(bright[:pairs], bright[pairs:], other, CELL), SMALL)
+            hints += [(other - disparity) / UNIT, seen.step, seen.spread]
+        evidence = torch.cat([evidence, small.spread], dim=1)
+        context = self.features(self.stem(values))
+        steps = torch.cat([shuffled[:, : FINE**2], near, far], dim=1)
+        return Coarse(disparity, evidence, context, torch.cat(hints, dim=1), steps)
+
+    def refine(self, coarse: Coarse) -> Prediction:
+        """Choose between the surface found, the nearest and the farthest around, and add what the pictures ask for."""
+        assert coarse.hints is not None and coarse.step is not None
+        step_wanted, near, far = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
+        out = self.refinement(coarse.context, coarse.hints)
+        correction, belief, to_near, to_far = (F.pixel_shuffle(part, FINE) for part in out.chunk(4, dim=1))
+        # On the coarse grid, like all other evidence.
+        doubt = torch.log(F.max_pool2d(correction.detach().abs(), FINE) + 0.05)
+        rough = self.on_answer_grid(coarse.disparity)
+        near, far = (F.interpolate(part, scale_factor=float(FINE), mode="nearest") for part in (near, far))
+        change = correction + torch.sigmoid(belief) * F.pixel_shuffle(step_wanted, FINE)
+        change = change + torch.sigmoid(to_near) * (near - rough) + torch.sigmoid(to_far) * (far - rough)
+        clues = torch.cat([coarse.hints[:, :DISPARITY_HINT], coarse.hints[:, DISPARITY_HINT + 1 :]], dim=1)
+        evidence = torch.cat([coarse.evidence, doubt], dim=1)
+        return Prediction([rough, torch.relu(rough + change)], evidence, clues=clues.detach())
+
+    def export_form(self) -> StereoNetwork:
+        """Return a copy in evaluation mode that can run in 8-bit integers from the first layers on."""
+        form = copy.deepcopy(self).eval()
+        form.first = self.first.export_form()  # type: ignore[assignment]
+        for part in (form.stem, form.features, form.refinement):
+            fold_batch_norm(part)
+        stem = form.stem
+        fold_colour_scaling(stem.conv)
+        form.pixels = ByteColours()  # type: ignore[assignment]
+        form.stem = nn.Sequential(over_byte_rows(stem.conv), stem.activation)  # type: ignore[assignment]
+        form.reads_bytes = True
+        # As in `Fast`: the disparity in a unit in which it is about as large as the other hints.
+        form.hint_unit = WIDE_UNIT
+        with torch.no_grad():
+            form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        return form
+
+
+class Colours(nn.Module):
+    """What the second stage sees of the views."""
+
+    def forward(self, left: Tensor, views: Tensor) -> tuple[Tensor, Tensor]:
+        """Map the left view [N, 3, H, W] and both [2N, 3, H, W], 0..255, to scaled colours and brightness of both."""
+        return scaled_colours(left), brightness(views)
+
+
+class ByteColours(nn.Module):
+    """The same for bytes, in the layout of `ByteRows`."""
+
+    def forward(self, left: Tensor, views: Tensor) -> tuple[Tensor, Tensor]:
+        """Map uint8 views to float rows of the left one and the brightness of both."""
+        rows, _ = ByteRows(CELL)(left)
+        return rows, brightness(views.to(torch.float32))

@@ -1,0 +1,208 @@
+"""Write what a device's file says of its software: two SBOMs, the SOUP sheet and the notices of third parties.
+
+python scripts/device_papers.py
+
+They are made of docs/device/components.toml, the versions of constraints-release.txt and models/models.toml. CycloneDX
+and SPDX are written and checked by these projects' own libraries.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import re
+import tomllib
+import uuid
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from cyclonedx.model import ExternalReference, ExternalReferenceType, HashAlgorithm, HashType, XsUri
+from cyclonedx.model.bom import Bom
+from cyclonedx.model.component import Component, ComponentScope, ComponentType
+from cyclonedx.model.contact import OrganizationalEntity
+from cyclonedx.model.license import LicenseExpression
+from cyclonedx.output.json import JsonV1Dot6
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
+from license_expression import get_spdx_licensing
+from packageurl import PackageURL
+from spdx_tools.spdx.model import (
+    Actor,
+    ActorType,
+    Checksum,
+    ChecksumAlgorithm,
+    CreationInfo,
+    Document,
+    ExternalPackageRef,
+    ExternalPackageRefCategory,
+    Package,
+    Relationship,
+    RelationshipType,
+    SpdxNoAssertion,
+)
+from spdx_tools.spdx.validation.document_validator import validate_full_spdx_document
+from spdx_tools.spdx.writer.json.json_writer import write_document_to_file
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "docs" / "device"
+CYCLONEDX, SPDX, SOUP = FOLDER / "endosdk.cdx.json", FOLDER / "endosdk.spdx.json", FOLDER / "soup.md"
+NOTICES = ROOT / "THIRD_PARTY_NOTICES.md"
+# Of the list, not of a build: the same sources give the same papers.
+CREATED = datetime(2026, 11, 1, tzinfo=UTC)
+
+
+def version() -> str:
+    """Return the version of endosdk."""
+    return str(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"])
+
+
+def components() -> list[dict[str, Any]]:
+    """Return the components, each with its version."""
+    locked = dict(re.findall(r"^([\w-]+)==([\w.]+)", (ROOT / "constraints-release.txt").read_text(), re.MULTILINE))
+    listed = tomllib.loads((FOLDER / "components.toml").read_text())["component"]
+    return [{**entry, "version": locked[entry["name"]]} for entry in listed]
+
+
+def models() -> dict[str, dict[str, str]]:
+    """Return the shipped models."""
+    return tomllib.loads((ROOT / "models" / "models.toml").read_text())
+
+
+def cyclonedx() -> str:
+    """Return the SBOM in CycloneDX 1.6."""
+    root = Component(name="endosdk", version=version(), type=ComponentType.LIBRARY, bom_ref="endosdk")
+    bom = Bom(serial_number=uuid.uuid5(uuid.NAMESPACE_URL, f"endosdk-{version()}"))
+    bom.metadata.component = root
+    bom.metadata.timestamp = CREATED
+    parts = [_component(entry) for entry in components()]
+    parts += [
+        Component(
+            name=name,
+            version=version(),
+            type=ComponentType.MACHINE_LEARNING_MODEL,
+            bom_ref=f"model:{name}",
+            hashes=[HashType(alg=HashAlgorithm.SHA_256, content=entry["sha256"])],
+        )
+        for name, entry in models().items()
+    ]
+    for part in parts:
+        bom.components.add(part)
+    bom.register_dependency(root, parts)
+    text: str = JsonV1Dot6(bom).output_as_string(indent=1)
+    if (fault := JsonStrictValidator(SchemaVersion.V1_6).validate_str(text)) is not None:
+        raise ValueError(f"not CycloneDX: {fault}")
+    return text + "\n"
+
+
+def _component(entry: dict[str, Any]) -> Component:
+    return Component(
+        name=entry["name"],
+        version=entry["version"],
+        type=ComponentType.LIBRARY,
+        bom_ref=entry["name"],
+        scope=ComponentScope.EXCLUDED if entry["in"] == ["build"] else ComponentScope.REQUIRED,
+        supplier=OrganizationalEntity(name=entry["supplier"]),
+        licenses=[LicenseExpression(entry["licence"])],
+        purl=PackageURL("pypi", name=entry["name"], version=entry["version"]),
+        description=entry["purpose"],
+        external_references=[ExternalReference(type=ExternalReferenceType.WEBSITE, url=XsUri(entry["site"]))],
+    )
+
+
+def spdx() -> Document:
+    """Return the SBOM as an SPDX 2.3 document."""
+    info = CreationInfo(
+        "SPDX-2.3",
+        "SPDXRef-DOCUMENT",
+        f"endosdk-{version()}",
+        f"https://spdx.org/spdxdocs/endosdk-{version()}",
+        [Actor(ActorType.TOOL, "scripts/device_papers.py")],
+        CREATED,
+    )
+    root = _package("endosdk", version(), None)
+    packages, relationships = [root], [_relation("SPDXRef-DOCUMENT", RelationshipType.DESCRIBES, root)]
+    for entry in components():
+        package = _package(entry["name"], entry["version"], entry)
+        kind = RelationshipType.BUILD_DEPENDENCY_OF if entry["in"] == ["build"] else RelationshipType.DEPENDENCY_OF
+        packages.append(package)
+        relationships.append(_relation(package.spdx_id, kind, root))
+    for name, entry in models().items():
+        package = _package(f"model-{name}", version(), None)
+        package.checksums = [Checksum(ChecksumAlgorithm.SHA256, entry["sha256"])]
+        packages.append(package)
+        relationships.append(_relation(root.spdx_id, RelationshipType.CONTAINS, package))
+    document = Document(info, packages=packages, relationships=relationships)
+    if faults := validate_full_spdx_document(document):
+        raise ValueError(f"not SPDX: {faults[0].validation_message}")
+    return document
+
+
+def _relation(of: str, kind: RelationshipType, to: Package) -> Relationship:
+    return Relationship(of, kind, to.spdx_id)
+
+
+def _package(name: str, number: str, entry: dict[str, Any] | None) -> Package:
+    package = Package(
+        f"SPDXRef-{name}",
+        name,
+        SpdxNoAssertion(),
+        version=number,
+        files_analyzed=False,
+        license_concluded=SpdxNoAssertion(),
+    )
+    if entry is not None:
+        purl = PackageURL("pypi", name=name, version=number).to_string()
+        package.license_declared = get_spdx_licensing().parse(entry["licence"])
+        package.supplier = Actor(ActorType.ORGANIZATION, entry["supplier"])
+        package.homepage = entry["site"]
+        package.external_references = [
+            ExternalPackageRef(ExternalPackageRefCategory.PACKAGE_MANAGER, "purl", purl),
+        ]
+    return package
+
+
+def soup() -> str:
+    """Return the SOUP sheet."""
+    lines = [
+        "# Software of unknown provenance (SOUP)",
+        "",
+        "What a device contains beside endosdk, what is known of its faults, and what endosdk does about them.",
+        "Names in brackets are [requirements](requirements.md) with tests. No list here is complete: look at each",
+        "component's own before you release a device. This page, [CycloneDX](endosdk.cdx.json) and",
+        "[SPDX](endosdk.spdx.json) are written by `python scripts/device_papers.py`.",
+        "",
+        "| component | version | licence | where | what for |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for entry in components():
+        name = f"[{entry['name']}]({entry['site']})"
+        cells = [name, entry["version"], entry["licence"], ", ".join(entry["in"]), entry["purpose"]]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "## Known anomalies that touch endosdk", ""]
+    for entry in components():
+        lines += [f"- **{entry['name']}**: {anomaly}" for anomaly in entry["anomalies"]]
+    return "\n".join(lines) + "\n"
+
+
+def notices() -> str:
+    """Return the licences of what is compiled into the packages, in their own words."""
+    lines = ["# Notices of third parties", "", "Parts of these are compiled into the packages of endosdk."]
+    for entry in (entry for entry in components() if "inside" in entry["in"]):
+        files = importlib.metadata.files(entry["name"]) or []
+        text = next(file for file in files if file.name == "LICENSE").read_text()
+        lines += ["", f"## {entry['name']} {entry['version']}", "", "```", text.rstrip(), "```"]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Write all four."""
+    CYCLONEDX.write_text(cyclonedx())
+    write_document_to_file(spdx(), str(SPDX))
+    SPDX.write_text(json.dumps(json.loads(SPDX.read_text()), indent=1) + "\n")
+    SOUP.write_text(soup())
+    NOTICES.write_text(notices())
+
+
+if __name__ == "__main__":
+    main()

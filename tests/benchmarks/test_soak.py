@@ -1,0 +1,54 @@
+"""The command that soaks: it goes on where it was, and its record says what was seen."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from benchmarks.speed import soak
+from endosdk import DepthEstimator
+from tests.conftest import TINY_MODEL, shifted_pair
+
+
+@pytest.fixture(autouse=True)
+def small_pairs(monkeypatch):
+    pairs = [SimpleNamespace(left=left, right=right) for left, right in (shifted_pair(64, 128, n) for n in (5, 7))]
+    monkeypatch.setattr(soak, "sample_pairs", lambda: pairs)
+    monkeypatch.setattr(soak, "WARM_UP", 1)
+    monkeypatch.setattr(soak, "CHECKPOINT", 2)
+
+
+def run(monkeypatch, file, *options: str) -> None:
+    given = ["--model", str(TINY_MODEL), "--threads", "1", "--load", "0", "--frames", "8", "--json", str(file)]
+    monkeypatch.setattr(sys, "argv", ["soak", *given, *options])
+    soak.main()
+
+
+def test_an_interrupted_run_goes_on_and_is_recorded(monkeypatch, tmp_path):
+    file = tmp_path / "soak.json"
+    with monkeypatch.context() as cut, pytest.raises(KeyboardInterrupt):
+        calls = iter(range(100))
+        answer = DepthEstimator.predict
+
+        def predict(self, *pair, **more):
+            if next(calls) == 2 + 1 + 5:
+                raise KeyboardInterrupt
+            return answer(self, *pair, **more)
+
+        cut.setattr(DepthEstimator, "predict", predict)
+        run(monkeypatch, file, "--deadline-ms", "60000")
+    kept = len(soak.Tally.load(file.with_suffix(".npz")).times_ms)
+    assert kept == 4 and not file.exists()
+    run(monkeypatch, file, "--deadline-ms", "0.001")
+    record = json.loads(file.read_text())
+    assert (record["frames"], record["runs"], record["marked_in_time"]) == (8, 2, 0)
+    assert record["late"] == 8 - kept, "the first run was in time"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_another_answer_ends_the_run(monkeypatch, tmp_path):
+    digests = iter([b"first"] * len(soak.sample_pairs()) + [b"first", b"other"])
+    monkeypatch.setattr(soak, "digest", lambda result: next(digests))
+    with pytest.raises(SystemExit, match="another answer"):
+        run(monkeypatch, tmp_path / "soak.json")

@@ -1,0 +1,63 @@
+"""A rig written for other programs, by the file's name, reads back as the same rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.errors import InvalidArgument
+from tests.rigs import fisheye_rig, raw_rig
+
+BROWN = {
+    "left_distortion": np.array([-0.2, 0.1, 0.001, -0.0007]),
+    "right_distortion": np.array([-0.1, 0.1, 0.0, 0.001]),
+}
+
+
+def assert_same(seen: StereoCalibration, rig: StereoCalibration) -> None:
+    assert (seen.width, seen.height, seen.model) == (rig.width, rig.height, rig.model)
+    for name in ("left_matrix", "right_matrix", "rotation", "translation"):
+        np.testing.assert_allclose(getattr(seen, name), getattr(rig, name), atol=1e-6)
+    for name in ("left_distortion", "right_distortion"):
+        found, wanted = getattr(seen, name), getattr(rig, name)
+        np.testing.assert_allclose(found[: wanted.size], wanted, atol=1e-9)
+        assert not found[wanted.size :].any()
+
+
+@pytest.mark.parametrize("ending", ["opencv", "kalibr", "ros"])
+@pytest.mark.parametrize("rig", [raw_rig(**BROWN), fisheye_rig()], ids=["pinhole", "fisheye"])
+def test_what_is_written_reads_back(tmp_path: Path, ending: str, rig: StereoCalibration) -> None:
+    written = rig.save(tmp_path / f"rig.{ending}.yaml")
+    assert all(path.is_file() for path in written)
+    layout = "opencv-fisheye" if ending == "opencv" and rig.model == "fisheye" else None
+    read = StereoCalibration.load(written[0] if len(written) == 1 else tuple(written), layout=layout)
+    assert_same(read, rig)
+
+
+def test_ros_has_two_files_and_metres(tmp_path: Path) -> None:
+    rig = raw_rig()
+    left, right = rig.save(tmp_path / "rig.ros.yaml")
+    assert (left.name, right.name) == ("rig.left.ros.yaml", "rig.right.ros.yaml")
+    geometry = rig.rectification()
+    assert str(geometry.P2[0, 3] * 1e-3) in right.read_text()
+
+
+def test_opencv_itself_reads_the_file(tmp_path: Path) -> None:
+    rig = raw_rig()
+    (path,) = rig.save(tmp_path / "rig.opencv.yaml")
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    np.testing.assert_allclose(storage.getNode("K1").mat(), rig.left_matrix)
+    np.testing.assert_allclose(storage.getNode("T").mat().ravel(), rig.translation)
+    g = rig.rectification()
+    point = storage.getNode("Q").mat() @ (g.cx + 50, g.cy, 20.0, 1.0)
+    assert point[2] / point[3] == pytest.approx(g.focal_px * g.baseline_mm / (20.0 + g.doffs))
+
+
+def test_coefficients_that_kalibr_cannot_hold_are_refused(tmp_path: Path) -> None:
+    rig = raw_rig(left_distortion=np.array([-0.2, 0.1, 0, 0, 0.03]))
+    with pytest.raises(InvalidArgument, match="four coefficients"):
+        rig.save(tmp_path / "rig.kalibr.yaml")

@@ -1,0 +1,196 @@
+"""Rigs that OpenCV wrote, in each of its formats and spellings; the size and the unit that a file lacks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument, InvalidCalibration
+from tests.calibration.rig_files import RIG, SIZE, assert_same_rig, load
+from tests.rigs import fisheye_rig, raw_rig
+
+SPELLINGS = {
+    "K1 D1": ("K1", "D1", "K2", "D2", "R", "T"),
+    "M1 D1": ("M1", "D1", "M2", "D2", "R", "T"),
+    "cameraMatrix1": ("cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2", "R", "T"),
+    "camera_matrix_left": (
+        *("camera_matrix_left", "dist_coeffs_left", "camera_matrix_right", "dist_coeffs_right"),
+        *("rotation_matrix", "translation_vector"),
+    ),
+}
+VALUES = (RIG.left_matrix, RIG.left_distortion, RIG.right_matrix, RIG.right_distortion, RIG.rotation, RIG.translation)
+
+
+def write_opencv(path: Path, fields: dict[str, Any]) -> Path:
+    """Write with OpenCV itself: vectors as rows, sizes (lists) as sequences."""
+    import cv2
+
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in fields.items():
+        if isinstance(value, list):
+            storage.startWriteStruct(name, cv2.FileNode_SEQ)
+            for part in value:
+                storage.write("", part)
+            storage.endWriteStruct()
+        else:
+            storage.write(name, np.array(value) if isinstance(value, np.ndarray) else value)
+    storage.release()
+    return path
+
+
+def opencv_fields(spelling: str = "K1 D1", **changes: Any) -> dict[str, Any]:
+    return {**dict(zip(SPELLINGS[spelling], VALUES, strict=True)), "image_size": list(SIZE), **changes}
+
+
+@pytest.mark.parametrize("ending", ["yml", "yaml", "xml", "json"])
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_opencv_file_in_each_format_and_spelling(tmp_path: Path, ending: str, spelling: str) -> None:
+    assert_same_rig(load(write_opencv(tmp_path / f"stereo.{ending}", opencv_fields(spelling))), RIG)
+
+
+OPENCV_4_YAML = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+M1: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 520.5, 0., 318.25, 0., 521.75, 241.5, 0., 0., 1. ]
+D1: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -2.1e-01, 1.1e-01, 1.1e-03, -7e-04, -0.03 ]
+M2: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 519.25, 0., 322.125, 0., 520., 236.75, 0., 0., 1. ]
+D2: !!opencv-matrix
+   rows: 1
+   cols: 14
+   dt: d
+   data: [ -0.19, 0.09, -0.0005, 0.0009, -0.02, 0., 0., 0., 0., 0., 0., 0., 0., 0. ]
+R: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
+T: !!opencv-matrix
+   rows: 3
+   cols: 1
+   dt: d
+   data: [ -4.6, 0.12, 0.31 ]
+"""
+
+
+def test_opencv_4_header_and_fourteen_coefficients_with_zero_tail(tmp_path: Path) -> None:
+    (tmp_path / "old.yml").write_text(OPENCV_4_YAML)
+    rig = load(tmp_path / "old.yml")
+    right = np.append(RIG.right_distortion, [0.0, 0.0, 0.0])
+    assert_same_rig(rig, raw_rig(rotation=np.eye(3), right_distortion=right))
+
+
+def test_thin_prism_terms_are_refused_not_dropped(tmp_path: Path) -> None:
+    (tmp_path / "old.yml").write_text(OPENCV_4_YAML.replace("0., 0. ]\nR:", "0., 0.001 ]\nR:"))
+    with pytest.raises(InvalidCalibration, match=r"old\.yml: right_distortion"):
+        load(tmp_path / "old.yml")
+
+
+def test_opencv_sample_writes_cameras_and_extrinsics_apart(tmp_path: Path) -> None:
+    fields = opencv_fields("M1 D1")
+    extrinsic = {name: fields.pop(name) for name in ("R", "T")}
+    inside = write_opencv(tmp_path / "intrinsics.yml", fields)
+    outside = write_opencv(tmp_path / "extrinsics.yml", extrinsic)
+    assert_same_rig(load((inside, outside)), RIG)
+    with pytest.raises(CalibrationUnreadable, match=r"intrinsics\.yml: must hold rotation \(R\), translation \(T\)"):
+        load(inside)
+
+
+def test_files_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    first = write_opencv(tmp_path / "a.yml", opencv_fields())
+    second = write_opencv(tmp_path / "b.yml", {"T": np.array([-5.0, 0, 0])})
+    with pytest.raises(CalibrationUnreadable, match="state translation once"):
+        load((first, second))
+
+
+def test_one_field_under_two_spellings_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationUnreadable, match="state left_matrix once"):
+        load(write_opencv(tmp_path / "a.yml", opencv_fields(M1=np.eye(3))))
+
+
+def test_plain_yaml_and_json_lists_under_the_same_names(tmp_path: Path) -> None:
+    fields = {name: np.asarray(value).tolist() for name, value in opencv_fields().items()}
+    (tmp_path / "lists.json").write_text(json.dumps(fields))
+    (tmp_path / "lists.yaml").write_text("\n".join(f"{name}: {json.dumps(value)}" for name, value in fields.items()))
+    assert_same_rig(load(tmp_path / "lists.json"), RIG)
+    assert_same_rig(load(tmp_path / "lists.yaml"), RIG)
+
+
+def test_opencv_fisheye_is_the_callers_word(tmp_path: Path) -> None:
+    rig = fisheye_rig()
+    changes = {"D1": rig.left_distortion.reshape(4, 1), "D2": rig.right_distortion.reshape(4, 1)}
+    path = write_opencv(tmp_path / "fish.yml", opencv_fields(**changes))
+    assert load(path).model == "pinhole"
+    assert_same_rig(load(path, layout="opencv-fisheye"), rig)
+
+
+def test_size_is_asked_for_when_the_file_has_none(tmp_path: Path) -> None:
+    fields = opencv_fields()
+    del fields["image_size"]
+    path = write_opencv(tmp_path / "stereo.yml", fields)
+    with pytest.raises(CalibrationSizeMismatch, match=r"stereo\.yml holds no picture size"):
+        load(path)
+    assert_same_rig(load(path, size=SIZE), RIG)
+
+
+def test_size_must_agree_with_the_file(tmp_path: Path) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields())
+    with pytest.raises(CalibrationSizeMismatch, match=r"which says \(640, 480\)"):
+        load(path, size=(1280, 960))
+
+
+def test_size_stored_as_height_and_width_needs_the_callers_word(tmp_path: Path) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(image_size=np.array([480.0, 640.0])))
+    with pytest.raises(CalibrationSizeMismatch, match=r"\(width, height\) or \(height, width\)"):
+        load(path)
+    assert_same_rig(load(path, size=SIZE), RIG)
+
+
+def test_size_that_leaves_the_principal_point_outside_is_refused(tmp_path: Path) -> None:
+    fields = opencv_fields()
+    del fields["image_size"]
+    path = write_opencv(tmp_path / "stereo.yml", fields)
+    with pytest.raises(CalibrationSizeMismatch, match=r"principal point is \(318\.2, 241\.5\)"):
+        load(path, size=(320, 240))
+
+
+@pytest.mark.parametrize("size", [(640, 0), (640, 480.0), 640, (640, 480, 3)])
+def test_size_that_is_no_size_is_refused(tmp_path: Path, size: Any) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields())
+    with pytest.raises(InvalidArgument, match="size"):
+        load(path, size=size)
+
+
+@pytest.mark.parametrize(("factor", "units"), [(0.001, "m"), (0.1, "cm"), (1.0, "mm")])
+def test_units_are_converted_to_millimetres(tmp_path: Path, factor: float, units: str) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(T=RIG.translation * factor))
+    assert_same_rig(load(path, units=units), RIG)
+
+
+@pytest.mark.parametrize("factor", [0.001, 1000.0])
+def test_implausible_baseline_names_the_remedy(tmp_path: Path, factor: float) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(T=RIG.translation * factor))
+    with pytest.raises(InvalidCalibration, match="units="):
+        load(path)
+
+
+def test_swapped_cameras_are_refused_with_the_file_named(tmp_path: Path) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(T=-RIG.translation))
+    with pytest.raises(InvalidCalibration, match=r"stereo\.yml: translation: .*swapped"):
+        load(path)

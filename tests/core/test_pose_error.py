@@ -1,0 +1,149 @@
+"""What is left across the rows: against the numpy twin, and against rotations that are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, StereoCalibration, _core
+from endosdk.errors import CalibrationRequired
+from tests.conftest import ROOT, shifted_pair
+from tests.reference import pose_error, resampling
+
+CYCLES = ROOT / "datasets" / "endosim-gi-cycles" / "test"
+RIG = StereoCalibration.rectified(400.0, 10.0, (960, 720))
+PATTERN = (400.0, 400.0, 479.5, 359.5, 0.0)
+
+
+def turned(view: np.ndarray, rotation_deg: tuple[float, float, float]) -> np.ndarray:
+    """The picture of a camera of `RIG` that turned about its own centre."""
+    import cv2
+
+    matrix = RIG.right_matrix
+    turn = cv2.Rodrigues(np.radians(np.array(rotation_deg)))[0]
+    warp = matrix @ turn @ np.linalg.inv(matrix)
+    return np.asarray(cv2.warpPerspective(view, warp, (960, 720), flags=cv2.INTER_CUBIC))
+
+
+def cycles_pair(number: int) -> tuple[np.ndarray, np.ndarray]:
+    import cv2
+
+    folder = sorted(CYCLES.iterdir())[number]
+    left, right = (cv2.imread(str(folder / f"{side}.jpg")) for side in ("left", "right"))
+    return np.ascontiguousarray(left[..., ::-1]), np.ascontiguousarray(right[..., ::-1])
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_equals_twin(threads: int, restored_settings: None) -> None:
+    import cv2
+
+    rng = np.random.default_rng(3)
+    left, right = shifted_pair(150, 240, 9)
+    warp = np.array([[1.0, 0.0, 0.0], [0.004, 1.0, 0.3]])
+    right = cv2.warpAffine(right, warp, (240, 150), borderMode=cv2.BORDER_REPLICATE)
+    left[20:40, 50:90] = 255  # glare tells nothing
+    views = [resampling.planar(view, "rgb", 152, 240).astype(np.uint8) for view in (left, right)]
+    disparity = (9 + rng.normal(0, 0.3, (152, 240))).astype(np.float32)
+    disparity[50, 60:64] = np.nan, np.inf, -3, 1e9
+    confidence = rng.uniform(0.49, 1, disparity.shape).astype(np.float32)
+    arguments = (disparity, confidence, *views, (240, 150), (2.0, 2.0), (400.0, 410.0, 239.5, 150.0, 1.5))
+    _core.set_threads(threads)
+    seen = _core.rig_error(*arguments)
+    expected = pose_error.rig_error(*arguments)
+    assert seen is not None and expected is not None
+    np.testing.assert_allclose(seen[0], expected[0], atol=3e-5)
+    np.testing.assert_allclose(np.reshape(seen[1], (5, 5)), expected[1], rtol=0.05, atol=1e-7)
+    assert abs(expected[0][0]) > 1e-3  # there was something to find
+
+
+def test_nothing_is_measured_where_nothing_can_be() -> None:
+    flat = np.full((3, 120, 160), 90, np.uint8)
+    grid = np.full((120, 160), 5, np.float32)
+    assert _core.rig_error(grid, np.ones_like(grid), flat, flat, (160, 120), (1.0, 1.0), PATTERN) is None
+    small = flat[:, :8, :8].copy()
+    cells = np.ones((8, 8), np.float32)
+    assert _core.rig_error(cells, cells, small, small, (8, 8), (1.0, 1.0), PATTERN) is None
+
+
+def errors_over(pairs: range, rotation: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and standard errors of all angles, degrees, one row a pair."""
+    errors, standard = [], []
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        for number in pairs:
+            left, right = cycles_pair(number)
+            rig = estimator.predict(left, turned(right, rotation)).rig
+            assert rig is not None and rig.rotation_deg is not None and rig.rotation_se_deg is not None
+            errors.append(np.subtract(rig.rotation_deg, rotation))
+            standard.append(rig.rotation_se_deg)
+    return np.array(errors), np.array(standard)
+
+
+@pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0), (0.5, -0.3, 0.4)])
+def test_one_frame_tells_the_rotation(rotation: tuple[float, float, float]) -> None:
+    errors, standard = errors_over(range(3), rotation)
+    assert standard.max() < 0.06
+    assert (np.abs(errors) < 4 * standard).all() and np.sqrt(np.mean(errors**2)) < 0.08
+
+
+@pytest.mark.parametrize(
+    "rotation", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.5), (0.2, -0.3, 0.25)]
+)
+def test_standard_errors_are_honest(rotation: tuple[float, float, float]) -> None:
+    errors, standard = errors_over(range(0, 60, 2), rotation)
+    assert np.median(standard, axis=0).max() < 0.04 and np.sqrt(np.mean(errors**2, axis=0)).max() < 0.06
+    within = [np.mean(np.abs(errors) < k * standard) for k in (1, 2)]
+    assert 0.5 < within[0] < 0.95 and within[1] > 0.9
+    mean = np.abs(errors.mean(axis=0))  # 30 frames of different scenes
+    assert (mean < 0.02).all()
+
+
+def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
+    left, right = cycles_pair(0)
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        clean = estimator.predict(left, right)
+        moved = estimator.predict(left, turned(right, (0.0, 0.6, 0.0)))
+    assert _core.Cause.RIG_MOVED not in clean.causes
+    assert moved.causes[_core.Cause.RIG_MOVED] == pytest.approx(0.6, abs=0.08)
+    both = (clean.reasons == 0) & (moved.reasons == 0)
+    # Yaw of 0.6 degree is 4.2 px and more; that of the network alone is a fraction of one.
+    expected = clean.depth[both] ** 2 / 4000 * 400 * math.radians(0.55)
+    assert np.median(moved.sigma[both] / expected) > 0.8
+    assert np.median(clean.sigma[both]) < 0.5 * np.median(moved.sigma[both])
+
+
+def test_without_a_calibration_the_rows_alone_are_told() -> None:
+    left, right = cycles_pair(0)
+    lower = np.roll(right, 3, axis=0)
+    with DepthEstimator("fast") as estimator:
+        clean, off = estimator.predict(left, right), estimator.predict(left, lower)
+        with pytest.raises(CalibrationRequired, match="follow_rig"):
+            estimator.stream([(left, right)], follow_rig=True)
+    assert clean.rig is not None and clean.rig.vertical_disparity_px < 0.2 and clean.rig.rotation_deg is None
+    assert off.rig is not None and off.rig.vertical_disparity_px == pytest.approx(3.0, abs=0.2)
+    assert off.causes[_core.Cause.NOT_RECTIFIED] == pytest.approx(3.0, abs=0.2)
+    assert _core.Cause.NOT_RECTIFIED not in clean.causes
+
+
+def test_a_stream_flags_drift_and_follows_it() -> None:
+    left, right = cycles_pair(1)
+    pair = left, turned(right, (0.0, 0.25, 0.15))
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        seen = [result.rig for result in estimator.stream([pair] * 130, follow_rig=True, reuse=True)]
+    assert all(rig is not None for rig in seen)
+    first, last = seen[0], seen[-1]
+    assert last.drifted and first.corrected_deg == (0.0, 0.0, 0.0)
+    assert last.corrected_deg == pytest.approx((0.0, 0.25, 0.15), abs=0.06)
+    assert last.steady_rotation_deg == pytest.approx((0.0, 0.25, 0.15), abs=0.06)
+    assert np.linalg.norm(last.rotation_deg) < 0.3 * np.linalg.norm(first.rotation_deg)
+    steps = {rig.corrected_deg for rig in seen}
+    assert len(steps) >= 4  # slowly: a tenth of a degree at a time
+
+
+def test_a_turned_calibration_undoes_the_turn() -> None:
+    left, right = cycles_pair(2)
+    rotation = (0.3, -0.2, 0.4)
+    with DepthEstimator("fast", calibration=RIG.turned(rotation)) as estimator:
+        rig = estimator.predict(left, turned(right, rotation)).rig
+    assert rig is not None and rig.rotation_deg == pytest.approx((0.0, 0.0, 0.0), abs=0.08)

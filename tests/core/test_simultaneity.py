@@ -1,0 +1,56 @@
+"""Views of two moments: the line through rows and motion against NumPy, and a rig that shakes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, _core
+from endosdk.errors import InvalidArgument
+from tests.core.test_pose_error import RIG, cycles_pair, turned
+
+FADING = 1 - 1 / 90  # per frame
+FRAMES = 18
+
+
+def test_the_line_is_that_of_numpy() -> None:
+    rng = np.random.default_rng(1)
+    moved = rng.normal(0, 3, 40)
+    rows = 0.7 + 0.8 * moved + rng.normal(0, 0.2, 40)
+    lag, error = _core.lag_of(moved, rows)
+    weights = FADING ** np.arange(39, -1, -1)
+    line = np.polyfit(moved, rows, 1, w=np.sqrt(weights))
+    assert lag == pytest.approx(line[0], rel=1e-9)
+    left = np.sum(weights * (rows - np.polyval(line, moved)) ** 2) / (weights.sum() - 2)
+    spread = np.sum(weights * (moved - np.average(moved, weights=weights)) ** 2)
+    assert error == pytest.approx(np.sqrt(4 * (left + 0.05**2) / spread), rel=1e-9)
+    with pytest.raises(InvalidArgument, match="rows_px"):
+        _core.lag_of(moved, rows[1:])
+
+
+@pytest.fixture(scope="module")
+def shaken() -> list[tuple[np.ndarray, np.ndarray]]:
+    """A still scene seen by a rig that nods and sways, by about 3 px a frame."""
+    left, right = cycles_pair(2)
+    angles = [(0.9 * np.sin(0.45 * k), 0.7 * np.sin(0.3 * k + 1), 0.3 * np.sin(0.5 * k)) for k in range(FRAMES)]
+    return [(turned(left, angle), turned(right, angle)) for angle in angles]
+
+
+@pytest.mark.parametrize(("left_late", "right_late"), [(0, 0), (0, 1), (1, 0)])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_a_late_view_is_named(
+    shaken: list[tuple[np.ndarray, np.ndarray]], left_late: int, right_late: int, calibrated: bool
+) -> None:
+    pairs = [(shaken[k - left_late][0], shaken[k - right_late][1]) for k in range(1, FRAMES)]
+    with DepthEstimator("fast", calibration=RIG if calibrated else None) as depth:
+        if calibrated:
+            answers = [depth.predict(*pair) for pair in pairs]
+        else:
+            answers = list(depth.stream(pairs))
+    told = [answer.causes.get(_core.Cause.NOT_SIMULTANEOUS) for answer in answers]
+    if left_late or right_late:
+        assert all(measure is not None and 1 < measure < 8 for measure in told[-4:])
+        assert _core.Cause.RIG_MOVED not in answers[-1].causes and _core.Cause.NOT_RECTIFIED not in answers[-1].causes
+        assert answers[-1].status.name == "DEGRADED"
+    else:
+        assert not any(told)

@@ -1,0 +1,72 @@
+"""A folder is claimed by one job, which goes on there after a stop; nothing of anybody else is touched."""
+
+import pytest
+
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.whole_files import whole_path
+
+SETTINGS = {"settings": {"size": 3}}
+
+
+def claim(folder, settings=SETTINGS):
+    return claim_folder(folder, "job.json", settings, lambda begun: begun == settings, "must be the same job")
+
+
+def test_a_new_folder_is_begun_and_gone_on_with(tmp_path):
+    out = tmp_path / "new" / "out"
+    assert claim(out) == SETTINGS
+    (out / ".partial-left-by-a-killed-process").mkdir()
+    (out / "finished").write_text("kept")
+    assert claim(out) == SETTINGS
+    assert sorted(path.name for path in out.iterdir()) == ["finished", "job.json"]
+
+
+def test_another_job_is_refused(tmp_path):
+    claim(tmp_path)
+    with pytest.raises(InvalidArgument, match="out: must be the same job"):
+        claim(tmp_path, {"settings": {"size": 4}})
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff", b'{"a": 1, "a": 2}'])
+def test_a_record_that_is_none_is_refused(tmp_path, content):
+    (tmp_path / "job.json").write_bytes(content)
+    with pytest.raises(InvalidArgument, match=r"job\.json must be what this command wrote"):
+        claim(tmp_path)
+    assert (tmp_path / "job.json").read_bytes() == content
+
+
+def test_a_folder_of_somebody_else_is_left_alone(tmp_path):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    (tmp_path / ".partial-x").write_text("")
+    with pytest.raises(InvalidArgument, match="out: must be an empty or new folder"):
+        claim(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".partial-x", "thesis.txt"]
+
+
+def test_a_file_in_the_way_is_an_error(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(StorageFailed, match="out: the folder must be writable"):
+        claim(tmp_path / "out")
+
+
+def test_what_a_library_writes_appears_whole_or_not_at_all(tmp_path):
+    with whole_path(tmp_path / "a.txt") as partial:
+        partial.write_text("new")
+        assert not (tmp_path / "a.txt").exists()
+    with pytest.raises(ZeroDivisionError), whole_path(tmp_path / "a.txt") as partial:
+        partial.write_text("half")
+        raise ZeroDivisionError
+    with whole_path(tmp_path / "folder") as partial:
+        partial.mkdir()
+        (partial / "b").write_text("b")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "folder"]
+    assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    with (
+        pytest.raises(StorageFailed, match="out: must be writable"),
+        whole_path(tmp_path / "no" / "a", "out") as partial,
+    ):
+        partial.write_text("x")

@@ -1,0 +1,61 @@
+"""`endosdk calibrate check` and `refine`: a rig is judged and corrected by tissue alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from endosdk.calibration.rig import StereoCalibration
+from endosdk.commands.cli import main
+from endosdk.io.pictures import write_picture
+from tests.core.test_pose_error import RIG, cycles_pair, turned
+
+ROTATION = (0.3, -0.25, 0.35)
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("footage")
+    for side in ("left", "right"):
+        (folder / side).mkdir()
+    for number in range(4):
+        left, right = cycles_pair(number)
+        write_picture(folder / "left" / f"{number}.png", left)
+        write_picture(folder / "right" / f"{number}.png", turned(right, ROTATION))
+    RIG.save(folder / "rig.json")
+    RIG.turned(ROTATION).save(folder / "right.json")
+    return folder
+
+
+def test_check_names_the_rotation(footage: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", "check", str(footage / "rig.json"), str(footage), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["found"]
+    assert found["drifted"] and found["measured"] == 4
+    assert found["rotation_deg"] == pytest.approx(ROTATION, abs=0.06)
+    assert main(["calibrate", "check", str(footage / "right.json"), str(footage)]) == 0
+    assert "the rig fits its calibration" in capsys.readouterr().out
+
+
+def test_refine_writes_a_rig_that_fits(footage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new.json"
+    assert main(["calibrate", "refine", str(footage / "rig.json"), str(footage), "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "before" in shown and "after" in shown and "the rig fits its calibration" in shown
+    refined, truth = StereoCalibration.load(out), RIG.turned(ROTATION)
+    off = np.degrees(np.abs(refined.rotation @ truth.rotation.T - np.eye(3)).max())
+    assert off < 0.05
+
+
+def test_a_source_without_tissue_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        write_picture(tmp_path / side / "0.png", np.full((720, 960, 3), 80, np.uint8))
+    RIG.save(tmp_path / "rig.json")
+    words = [str(tmp_path / "rig.json"), str(tmp_path)]
+    assert main(["calibrate", "check", *words]) == 1
+    assert "nothing is known of the rig" in capsys.readouterr().out
+    assert main(["calibrate", "refine", *words, "--out", str(tmp_path / "new.json")]) == 2
+    assert "none measured" in capsys.readouterr().err

@@ -1,0 +1,109 @@
+"""Providers that compute: where they put the models, that their answers are the processor's, in Python, C and CLI."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, _core
+from endosdk.commands.cli import main
+from endosdk.errors import ProviderUnavailable
+from endosdk.runtime.models import read_model, shipped_models
+from endosdk.runtime.session import StereoSession, provider_name
+from tests.c_library import binding as c
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
+
+# Without those of 8-bit integers, for which an accelerator gets the float32 model.
+MODELS = [TINY_MODEL.stem, *sorted({read_model(name, integer_units=False).origin for name in shipped_models()})]
+SIZES = [(96, 160), (64, 128)]
+SAMPLES = ROOT / "examples" / "data"
+
+
+def estimator(accelerator, **options) -> DepthEstimator:
+    return DepthEstimator(
+        TINY_MODEL, provider=accelerator.name, provider_options=accelerator.options, network_size=(128, 64), **options
+    )
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.rpartition("/")[2])
+def test_every_model_is_computed_there(accelerator, model):
+    """The session itself refuses a placement that is not the provider's; here what it found is looked at once more."""
+    file = read_model(TINY_MODEL if model == TINY_MODEL.stem else model)
+    reader = StereoSession(file, provider=accelerator.name, provider_options=accelerator.options)
+    session = reader.for_size(96, 192)
+    assert session is not None
+    assert session.for_size(96, 192) is None
+    placement = session.placement()
+    assert placement[provider_name(accelerator.name)]
+    elsewhere = set(placement.get(_core.cpu_provider, {}))
+    assert not {name for name in elsewhere if "Conv" in name or "MatMul" in name or name == "Shape"}
+
+
+def test_answers_are_those_of_the_processor_at_every_size(accelerator):
+    processor = StereoSession(read_model(TINY_MODEL))
+    here = StereoSession(read_model(TINY_MODEL), provider=accelerator.name, provider_options=accelerator.options)
+    for height, width in [*SIZES, SIZES[0]]:
+        answers = []
+        for session in (processor, here):
+            buffers = session.buffers(height, width)
+            for target, view in zip((buffers.left, buffers.right), shifted_pair(height, width, 9), strict=True):
+                target[:] = view.transpose(2, 0, 1)
+            session.run(buffers)
+            answers.append((buffers.disparity.copy(), buffers.confidence.copy()))
+        np.testing.assert_allclose(answers[1][0], answers[0][0], rtol=0, atol=accelerator.tolerance_px)
+        np.testing.assert_allclose(answers[1][1], answers[0][1], rtol=0, atol=accelerator.tolerance_px)
+        assert np.median(answers[1][0]) == pytest.approx(9, abs=0.5)
+
+
+def test_frames_through_the_estimator(accelerator):
+    left, right = shifted_pair(64, 128, 7)
+    with estimator(accelerator) as there, DepthEstimator(TINY_MODEL, network_size=(128, 64)) as here:
+        there.self_test()
+        found, expected = there.predict(left, right), here.predict(left, right)
+        report = there.diagnostics()
+        streamed = [result.disparity.copy() for result in there.stream([(left, right)] * 2)]
+    np.testing.assert_allclose(found.disparity, expected.disparity, rtol=0, atol=accelerator.tolerance_px)
+    for disparity in streamed:
+        np.testing.assert_allclose(disparity, found.disparity, rtol=0, atol=accelerator.tolerance_px)
+    assert report["provider"] == provider_name(accelerator.name)
+    assert report["provider_options"] == accelerator.options
+
+
+def test_a_provider_that_leaves_all_to_the_processor_is_refused(accelerator):
+    """OpenVINO makes a session for a device that it does not have, and lets the processor compute it all."""
+    if accelerator.name != "openvino":
+        pytest.skip("WebGPU takes any option, and starts")
+    with pytest.raises(ProviderUnavailable, match=r"must compute this model.*none of its operations there"):
+        DepthEstimator(TINY_MODEL, provider="openvino", provider_options={"device_type": "NONSENSE"})
+
+
+def test_the_c_library_gives_the_same(accelerator, library):
+    left, right = shifted_pair(64, 128, 7)
+    options = c.texts(*(f"{key}={value}" for key, value in accelerator.options.items()))
+    there = c.CEstimator(
+        library,
+        TINY_MODEL,
+        provider=accelerator.name.encode(),
+        provider_options=options,
+        network_width=128,
+        network_height=64,
+    )
+    there.self_test()
+    _, maps = there.predict(left, right, maps=("disparity",))
+    report = json.loads(there.diagnostics())
+    there.close()
+    expected = DepthEstimator(TINY_MODEL, network_size=(128, 64)).predict(left, right)
+    np.testing.assert_allclose(maps["disparity"], expected.disparity, rtol=0, atol=accelerator.tolerance_px)
+    assert report["provider"] == provider_name(accelerator.name)
+    assert report["provider_options"] == accelerator.options
+
+
+def test_the_command_line_passes_options_on(accelerator, tmp_path, capsys):
+    pair = [str(SAMPLES / "demo" / f"{side}.png") for side in ("left", "right")]
+    options = [word for key, value in accelerator.options.items() for word in ("--provider-option", f"{key}={value}")]
+    command = ["predict", *pair, "--calibration", str(SAMPLES / "rig.json"), "--model", str(TINY_MODEL), "--json"]
+    command += ["--network-size", "128x96", "--provider", accelerator.name, *options, "--out", str(tmp_path)]
+    main(command)
+    assert json.loads(capsys.readouterr().out)["provider"] == provider_name(accelerator.name)

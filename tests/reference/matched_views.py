@@ -1,0 +1,131 @@
+"""Slow NumPy twins of comparing the views, at the disparity found and without one, written to be read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from endosdk import _core
+from endosdk._core import Cause
+from tests.reference.view_measures import brightness, cell_levels, field_of_view, noise
+
+LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
+LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
+
+
+def correlation_of_views(
+    disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Correlation of two views at the disparity found, the share of the confidence that is left, pixels per column.
+
+    The correlation is NaN where nothing can be compared.
+
+    Grid float32 [h, w]; views uint8 [3, H, W], of which ``height`` x ``width`` px are no padding; one cell
+    of the grid is H / h by W / w px. What is returned stands on cells of 2 x 2 columns.
+    """
+    here, unit = brightness(left, height, width)
+    there, _ = brightness(right, height, width)
+    rows, cells = here.shape[0], here.shape[1] // 2
+    if not here.size:
+        return np.empty((0, 0)), np.empty((0, 0)), unit
+    factor = 6 / 16 * 6 / 16 / (2 * unit**2)
+    left_noise, right_noise = (noise(view, height, width, unit) ** 2 * factor for view in (left, right))
+    grid = disparity.shape
+    y = np.minimum(((2 * np.arange(rows) + 1) * unit * grid[0] / left.shape[1]).astype(int), grid[0] - 1)
+    x = np.minimum(((2 * np.arange(cells) + 1) * unit * grid[1] / left.shape[2]).astype(int), grid[1] - 1)
+    found = disparity[y][:, x] / np.float32(unit)
+    fields = [field_of_view(cell_levels(view, height, width)) for view in (left, right)]
+    if fields[0] is not None:
+        found[~fields[0]] = np.nan
+    if fields[1] is not None:
+        place = np.arange(cells) - found / 2
+        on = (place >= 0) & (place <= cells - 1)
+        nearest = np.where(on, place + 0.5, 0).astype(int)
+        found[~(on & np.take_along_axis(fields[1], nearest, 1))] = np.nan
+    correlation, share = np.full((rows, cells), np.nan), np.ones((rows, cells))
+    match = 2 * np.arange(cells, dtype=np.float32) - found
+    inside = (match >= 0) & (match <= here.shape[1] - 1)
+    column = np.minimum(np.where(inside, match, 0).astype(int), here.shape[1] - 2)
+    part = np.where(inside, match, 0) - column
+    row = np.arange(rows)[:, None]
+    matched = there[row, column] * (1 - part) + there[row, column + 1] * part
+    flat = 0.3 + max(left_noise, right_noise)
+    for row, cell in np.ndindex(rows, cells):
+        window = slice(max(0, row - 4), row + 5), slice(max(0, cell - 4), cell + 5)
+        seen = inside[window]
+        if np.count_nonzero(seen) >= 81 / 4:
+            a, b = here[:, ::2][window][seen], matched[window][seen]
+            varies = a.var() - left_noise, b.var() - right_noise
+            if max(varies) > flat:
+                together = np.mean((a - a.mean()) * (b - b.mean()))
+                correlation[row, cell] = np.clip(together / np.sqrt(max(varies[0], flat) * max(varies[1], flat)), -1, 1)
+                share[row, cell] = np.clip(correlation[row, cell] / 0.4, 0, 1)
+        around = found[max(0, row - 1) : row + 2, max(0, cell - 1) : cell + 2]
+        with np.errstate(invalid="ignore"):
+            spread = np.nanmax(around) - np.nanmin(around) if np.isfinite(found[row, cell]) else np.inf
+        share[row, cell] *= np.clip((4.5 - spread) / 3, 0, 1)
+    if any(field is not None for field in fields):
+        share[np.isnan(found)] = 1
+    return correlation, share, unit
+
+
+def supported_confidence(
+    disparity: np.ndarray, confidence: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
+) -> tuple[np.ndarray, bool]:
+    """Confidence times the share that the pictures leave of it, and whether the views belong together."""
+    correlation, share, unit = correlation_of_views(disparity, left, right, height, width)
+    textured = np.isfinite(correlation)
+    if share.size == 0:
+        return confidence, True
+    seen = field_of_view(cell_levels(left, height, width))
+    if seen is not None:
+        textured &= seen
+    windows = max(1, textured.sum() / 81)
+    if not textured.any():
+        return np.zeros_like(confidence), False
+    most = correlation[textured].mean() + 3.09 * correlation[textured].std() / np.sqrt(windows)
+    if textured.sum() / (textured.size if seen is None else seen.sum()) < LEAST_TEXTURE or most < LEAST_CORRELATION:
+        return np.zeros_like(confidence), False
+    y, x = np.indices(confidence.shape) + 0.5
+    rows = np.minimum((y * left.shape[1] / confidence.shape[0]).astype(int) // (2 * unit), share.shape[0] - 1)
+    cells = np.minimum((x * left.shape[2] / confidence.shape[1]).astype(int) // (2 * unit), share.shape[1] - 1)
+    return confidence * share[rows, cells].astype(np.float32), True
+
+
+def coarse_match(left: np.ndarray, right: np.ndarray, picture: tuple[int, int]) -> tuple[float, float]:
+    """How much better patches agree to their right than to their left, and the rows by which matches lie lower.
+
+    Rows of brightness; not a number where less than half of the patches moved alike.
+    """
+    here, there = (brightness(view, picture[1], picture[0])[0].astype(np.float64) for view in (left, right))
+    height, columns = here.shape
+    longest, reach = columns // 4, (10, 4)
+    margin, edge = longest + reach[0] + 1, 10 + reach[1]
+    windows = np.lib.stride_tricks.sliding_window_view(there, (9, 21))[..., ::2].reshape(height - 8, columns - 20, -1)
+    gains, rows, tried = [], [], 0
+    for j, i in np.ndindex(8, 8):
+        x = margin + i * (columns - 1 - 2 * margin) // 7
+        y = edge + j * (height - 1 - 2 * edge) // 7
+        patch = here[y - 4 : y + 5, x - 10 : x + 11 : 2].ravel()
+        best = {}
+        for name, side, off in (("same", -1, [0]), ("exchanged", 1, [0]), ("off", -1, range(-10, 11, 2))):
+            at = x + side * np.arange(2 if name != "off" else -(columns // 16 // 2 * 2), longest + 1, 2) - 10
+            seen = np.stack([_correlations(patch, windows[y - 4 + row, at]) for row in off])
+            best[name] = seen.max(), off[int(seen.max(axis=1).argmax())]
+        if best["same"][0] < 0 or best["exchanged"][0] < 0:
+            continue
+        gains.append(best["exchanged"][0] - best["same"][0])
+        tried += (i + j) % 2 == 0
+        if (i + j) % 2 == 0 and best["off"][0] > best["same"][0] + 0.15:
+            rows.append(best["off"][1])
+    alike = [row for row in rows if abs(row - sorted(rows)[len(rows) // 2]) <= 2]
+    off = np.mean(alike) if len(alike) >= max(1, 0.5 * tried) else np.nan
+    return (np.nan, np.nan) if len(gains) < 16 else (float(np.mean(gains)), float(off))
+
+
+def _correlations(patch: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Of a patch with others; -1 where either is flat."""
+    here, there = patch - patch.mean(), others - others.mean(axis=1, keepdims=True)
+    squares = (here**2).sum(), (there**2).sum(axis=1)
+    flat = (squares[0] <= 4 * patch.size) | (squares[1] <= 4 * patch.size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(flat, -1.0, there @ here / np.sqrt(squares[0] * squares[1]))

@@ -1,0 +1,165 @@
+"""Slow NumPy twins of what two views tell: brightness, noise, field of view, faults; written to be read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def brightness(view: np.ndarray, height: int, width: int) -> tuple[np.ndarray, int]:
+    """Brightness of the part of a planar view that is no padding, and pixels per column: a row for each two columns."""
+    unit = max(1, (width + 240) // 480)
+    rows, columns = height // (2 * unit), width // (2 * unit) * 2
+    weights = np.array([0.25, 0.5, 0.25])
+    gray = np.tensordot(weights, view[:, : rows * 2 * unit, : columns * unit].astype(float), 1)
+    if not gray.size:
+        return gray, unit
+    means = gray.reshape(rows, 2 * unit, columns, unit).mean(axis=(1, 3))
+    wide = np.pad(means, ((0, 0), (1, 1)), "edge")
+    return (wide[:, :-2] + 2 * wide[:, 1:-1] + wide[:, 2:]) / 4, unit
+
+
+def noise(view: np.ndarray, height: int, width: int, unit: int) -> float:
+    """Standard deviation of the noise of one channel, from the median of the picture's mixed second difference."""
+    green = view[1, :height, :width].astype(int)
+    along = green[:, :-2] - 2 * green[:, 1:-1] + green[:, 2:]
+    values = np.abs(along[:-2] - 2 * along[1:-1] + along[2:])[:: 4 * unit, :: 2 * unit].ravel()
+    if values.size == 0:
+        return 0.0
+    middle = int(np.sort(values)[(values.size - 1) // 2])
+    below, here = np.count_nonzero(values < middle), np.count_nonzero(values == middle)
+    return (middle + (values.size / 2 - below) / here - (0.5 if middle else 0.0)) / (6 * 0.6745)
+
+
+def cell_levels(view: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Grey levels of cells, each two columns of brightness wide."""
+    columns, _ = brightness(view, height, width)
+    return (columns[:, ::2] + columns[:, 1::2]) / 2
+
+
+def _joined(takes: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """The cells of ``takes`` that are joined to those of ``start``, side by side."""
+    found = start & takes
+    while True:
+        wide = np.pad(found, 1)
+        grown = (wide[1:-1, 1:-1] | wide[:-2, 1:-1] | wide[2:, 1:-1] | wide[1:-1, :-2] | wide[1:-1, 2:]) & takes
+        if (grown == found).all():
+            return found
+        found = grown
+
+
+def field_of_view(levels: np.ndarray) -> np.ndarray | None:
+    """The cells that the optics fill, bool; None where that is all of them."""
+    height, width = levels.shape
+    border = np.zeros(levels.shape, bool)
+    border[[0, -1]] = border[:, [0, -1]] = True
+    dark = np.sort(levels[border & (levels < 24)])
+    if dark.size == 0 or dark.size < 0.02 * border.sum():
+        return None
+    base = dark[dark.size // 2]
+    outside = _joined(levels <= base + 4, border)
+    steps = []
+    for y, x in np.argwhere(outside):
+        for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            v, u = y + 2 * dy, x + 2 * dx
+            if 0 <= v < height and 0 <= u < width and not outside[y + dy, x + dx] and not outside[v, u]:
+                steps.append(levels[v, u] - base)
+    if not steps or sorted(steps)[len(steps) // 2] < 8:
+        return None
+    rest = ~outside
+    parts = []
+    while rest.any():
+        start = np.zeros(levels.shape, bool)
+        start[tuple(np.argwhere(rest)[0])] = True
+        parts.append(_joined(rest, start))
+        rest &= ~parts[-1]
+    largest = max(parts, key=np.count_nonzero, default=rest)
+    if largest.sum() < 0.1 * largest.size:
+        return None
+    kept = np.flatnonzero(largest.any(axis=1))
+    first, last = largest[kept].argmax(axis=1), width - 1 - largest[kept, ::-1].argmax(axis=1)
+    inside = np.zeros(levels.shape, bool)
+    for y in range(kept[0], kept[-1] + 1):
+        # The line between any row above and any below, where it crosses this one.
+        above, below = kept <= y, kept >= y
+        a, b = kept[above][:, None], kept[below][None]
+        share = (y - a) / np.maximum(b - a, 1)
+        left = (first[above][:, None] + (first[below][None] - first[above][:, None]) * share).min()
+        right = (last[above][:, None] + (last[below][None] - last[above][:, None]) * share).max()
+        inside[y, int(np.ceil(left - 1e-9)) : int(np.floor(right + 1e-9)) + 1] = True
+    return inside if inside.mean() <= 1 - 0.005 else None
+
+
+def view_measures(left: np.ndarray, right: np.ndarray, height: int, width: int) -> dict[str, float]:
+    """What two planar views tell by themselves: level, saturated, covered, blur; see view_measures.hpp."""
+    planes = [brightness(view, height, width) for view in (left, right)]
+    unit = planes[0][1]
+    columns = [plane for plane, _ in planes]
+    cells = [cell_levels(view, height, width) for view in (left, right)]
+    seen = [field_of_view(cell) for cell in cells]
+    inside = [np.ones(cell.shape, bool) if field is None else field for cell, field in zip(cells, seen, strict=True)]
+    noises = [noise(view, height, width, unit) ** 2 * 6 / 16 / (2 * unit**2) for view in (left, right)]
+    tiles = [_tiles(cell, mask, 0.4 + 3 * n * 10 / 32) for cell, mask, n in zip(cells, inside, noises, strict=True)]
+    covered = [share for share in (_covered(*tiles), _covered(*tiles[::-1])) if np.isfinite(share)]
+    return {
+        "level": min(cell[mask].mean() for cell, mask in zip(cells, inside, strict=True)),
+        "saturated": max((cell[mask] >= 245).mean() for cell, mask in zip(cells, inside, strict=True)),
+        "covered": max(covered, default=np.nan),
+        "blur": _blur(columns, inside, noises) * unit * 1000 / width,
+    }
+
+
+def _tiles(cells: np.ndarray, inside: np.ndarray, limit: float) -> np.ndarray:
+    """Of tiles of 8 x 8 cells: 2 with texture, 1 flat, 0 not in the field of view."""
+    rows, columns = cells.shape[0] // 8, cells.shape[1] // 8
+    kinds = np.zeros((rows, columns), int)
+    y, x = np.indices((8, 8)) - 3.5
+    plane = np.stack([np.ones(64), y.ravel(), x.ravel()], 1)
+    for row, column in np.ndindex(rows, columns):
+        block = slice(8 * row, 8 * row + 8), slice(8 * column, 8 * column + 8)
+        if inside[block][::7, ::7].all():
+            values = cells[block].ravel()
+            rest = values - plane @ np.linalg.lstsq(plane, values, rcond=None)[0]
+            kinds[row, column] = 2 if (rest**2).mean() > limit else 1
+    return kinds
+
+
+def _covered(here: np.ndarray, there: np.ndarray) -> float:
+    """Share of the tiles with texture there that are flat here, and have none with texture beside them."""
+    counted = (there == 2) & (here != 0)
+    wide = np.pad(here, ((0, 0), (1, 1)))
+    missing = counted & (here == 1) & (wide[:, :-2] != 2) & (wide[:, 2:] != 2)
+    return missing.sum() / counted.sum() if counted.sum() >= 12 else np.nan
+
+
+def _blur(columns: list[np.ndarray], inside: list[np.ndarray], noises: list[float]) -> float:
+    """Standard deviation, columns, of the Gaussian that makes the sharper view as soft as the other one."""
+
+    def sharpness(view: int, passes: int) -> float:
+        rows = columns[view][2::4].copy()
+        for _ in range(passes):
+            rows[:, 1:-1] = (rows[:, :-2] + rows[:, 2:]) / 4 + rows[:, 1:-1] / 2
+        mask = np.repeat(inside[view][2::4], 2, axis=1)
+        both = mask[:, :-8] & mask[:, 8:]
+        mask_row = np.array([1.0])
+        for _ in range(passes + 1):
+            mask_row = np.convolve(mask_row, [0.25, 0.5, 0.25])
+        shares = np.correlate(mask_row, mask_row, "full")
+        middle = shares.size // 2
+        left = [noises[view] * 2 * (shares[middle] - (shares[middle + d] if d <= middle else 0)) for d in (2, 8)]
+        near, wide = rows[:, 5:-3] - rows[:, 3:-5], rows[:, 8:] - rows[:, :-8]
+        texture = (wide[both] ** 2).mean() - left[1]
+        if not texture > 2 * noises[view]:
+            return np.nan
+        return max(0.0, (near[both] ** 2).mean() - left[0]) / texture
+
+    sharp = [sharpness(view, 0) for view in (0, 1)]
+    if np.isnan(sharp).any():
+        return np.nan
+    sharper = 0 if sharp[0] > sharp[1] else 1
+    before, wanted = sharp[sharper], sharp[1 - sharper]
+    for passes in range(1, 25):
+        here = sharpness(sharper, passes)
+        if not here > wanted:
+            return float(np.sqrt(0.5 * (passes - 1 + (before - wanted) / max(1e-9, before - here))))
+        before = here
+    return float(np.sqrt(0.5 * 24))

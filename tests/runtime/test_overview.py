@@ -1,0 +1,114 @@
+import cv2
+import numpy as np
+import pytest
+
+from endosdk import DepthEstimator, StereoCalibration, errors
+from endosdk.io.pictures import read_frame, write_picture
+from endosdk.runtime.overview import colour_map, overview, robust_range
+from endosdk.runtime.result_files import write_result
+from tests.conftest import TINY_MODEL, shifted_pair
+
+
+@pytest.fixture(scope="module")
+def predicted():
+    left, right = shifted_pair(96, 160, 12)
+    rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96))
+    return left, DepthEstimator(TINY_MODEL, calibration=rig).predict(left, right)
+
+
+def test_colours_follow_the_values_and_nan_is_gray():
+    values = np.array([[0.0, 0.5, 1.0, np.nan]])
+    picture = colour_map(values, 0.0, 1.0)
+    low, _, high, none = picture[0].astype(int)
+    assert low[2] > low[1]  # Viridis runs from blue
+    assert high[1] > high[2]  # to yellow
+    assert np.ptp(none) < 10
+
+
+@pytest.mark.parametrize("family", ["value", "trust", "error"])
+def test_colours_grow_brighter_evenly(family):
+    ramp = colour_map(np.linspace(0, 1, 33, dtype=np.float32)[None], 0.0, 1.0, family)
+    lightness = cv2.cvtColor(ramp, cv2.COLOR_RGB2LAB)[0, :, 0].astype(int)
+    assert (np.diff(lightness) > 0).all()
+    assert np.diff(lightness).max() < 3 * np.diff(lightness).mean()
+
+
+def test_range_ignores_outliers_and_survives_emptiness():
+    values = np.append(np.linspace(10, 20, 1000), [1e6, np.nan])
+    low, high = robust_range(values)
+    assert 10 <= low < 11
+    assert 19 < high <= 20.1
+    assert robust_range(np.full(3, np.nan)) == (0.0, 1.0)
+
+
+def test_overview_shows_the_left_view_and_the_depth(predicted):
+    left, result = predicted
+    picture = overview(left, result)
+    assert picture.dtype == np.uint8
+    panels = [
+        (y, x) for y in range(picture.shape[0] - 96) for x in (12,) if (picture[y : y + 96, x : x + 160] == left).all()
+    ]
+    assert len(panels) == 1
+
+
+def test_no_end_of_one_panel_is_taken_for_an_end_of_another():
+    ends = [
+        colour_map(np.array([[0.0, 1.0]]), 0.0, 1.0, family)[0].astype(int) for family in ("value", "trust", "error")
+    ]
+    brightest = [end[1] for end in ends]
+    for one in range(3):
+        for other in range(one):
+            assert np.abs(brightest[one] - brightest[other]).max() > 40
+
+
+def test_truth_adds_the_error_beside_the_answer(predicted):
+    left, result = predicted
+    without = overview(left, result)
+    truth = np.where(np.arange(160) < 80, result.disparity, result.disparity + 4).astype(np.float32)
+    picture = overview(left, result, truth)
+    assert picture.shape[0] == without.shape[0]
+    panel = picture[without.shape[0] // 2 + 34 :, without.shape[1] + 12 :][:96, :160]
+    valid = result.reasons == 0
+    right, wrong = valid & (np.arange(160) < 80), valid & (np.arange(160) >= 80)
+    assert (panel[right] == colour_map(np.zeros((1, 1)), 0.0, 1.0, "error")[0, 0]).all()
+    assert (panel[wrong].sum(axis=1) > 600).all()
+    assert (np.ptp(panel[~valid].astype(int), axis=1) < 10).all()  # gray: no answer, no error
+
+
+def test_files_hold_what_the_result_holds(predicted, tmp_path):
+    left, result = predicted
+    files = write_result(tmp_path / "new" / "folder", left, result)
+    read = {name: cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for name, path in files.items() if path.suffix == ".png"}
+    assert np.allclose(read["disparity.png"] / 256, result.disparity, atol=1 / 512)
+    valid = result.reasons == 0
+    assert np.allclose(read["depth.png"][valid] / 10, result.depth[valid], atol=0.051)
+    assert not read["depth.png"][~valid].any()
+    assert np.array_equal(read["reasons.png"], result.reasons)
+    assert np.allclose(read["confidence.png"] / 255, result.confidence, atol=1 / 510 + 1e-6)
+    assert np.array_equal(np.load(files["depth.npy"]), result.depth, equal_nan=True)
+
+
+def test_frame_files_come_back_as_rgb(tmp_path):
+    left, _ = shifted_pair(20, 30, 1)
+    write_picture(tmp_path / "f.png", left)
+    assert np.array_equal(read_frame(tmp_path / "f.png"), left)
+
+
+def test_deep_pictures_are_refused_not_cut(tmp_path):
+    deep = np.full((4, 5, 3), 4080, np.uint16)
+    cv2.imwrite(str(tmp_path / "deep.png"), deep)
+    with pytest.raises(errors.InvalidArgument, match="frame: must have 8 bits per channel; got uint16"):
+        read_frame(tmp_path / "deep.png")
+
+
+def test_broken_picture_is_refused(tmp_path):
+    (tmp_path / "x.png").write_bytes(b"no picture")
+    with pytest.raises(errors.InvalidArgument, match="must be a picture"):
+        read_frame(tmp_path / "x.png")
+
+
+def test_unwritable_folder_is_refused(predicted, tmp_path):
+    left, result = predicted
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(errors.StorageFailed):
+        write_result(tmp_path / "file", left, result)

@@ -1,0 +1,109 @@
+import onnx
+import pytest
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from endosdk.errors import InvalidArgument
+from endosdk.training.networks import build_network
+from endosdk.training.networks.base import Window
+from endosdk.training.parity import check_parity, parity_pairs
+from endosdk.training.quantize import quantize_model
+from tests.training.exported_networks import export_into, shaken
+from tests.training.test_networks import views
+from tests.training.test_quantize import Scenes
+from tests.training.warped_scenes import warped_pair
+
+RANGE = 80  # px; the first stage searches half of it
+
+
+def cascade():
+    torch.manual_seed(1)
+    return build_network("cascade", RANGE, dense_disparity=48, mode_reach=2)
+
+
+def test_the_first_stage_searches_half_the_range_on_half_the_picture():
+    network = cascade()
+    assert network.first.candidates == (*range(0, 24, 4), *range(24, 40, 8))
+    assert network.candidates == (*range(0, 48, 8), *range(48, 80, 16)) and network.max_candidate_disparity == 64
+    left, right = views(64, 128)
+    halves = [F.avg_pool2d(view, 2) for view in (left, right)]
+    with torch.no_grad():
+        found = shaken(network)(left, right, refined=False).disparities[0]
+        alone = network.first(*halves).disparities[-1]
+    torch.testing.assert_close(found, 2.0 * F.interpolate(alone, scale_factor=2.0, mode="bilinear"))
+
+
+def test_it_starts_with_the_first_answer_and_can_take_a_surface_nearby():
+    network = cascade().eval()
+    coarse = network.coarse(*views(64, 128))
+    step, near, far = torch.split(coarse.step, [4, 1, 1], dim=1)
+    assert torch.all(far <= coarse.disparity) and torch.all(coarse.disparity <= near) and (near - far).max() > 1.0
+    rough, refined = network.refine(coarse).disparities
+    near, far = (F.interpolate(part, scale_factor=2.0, mode="nearest") for part in (near, far))
+    belief, gate = torch.sigmoid(torch.tensor([1.0, -3.0]))
+    wanted = rough + belief * F.pixel_shuffle(step, 2) + gate * (near - rough) + gate * (far - rough)
+    torch.testing.assert_close(refined, wanted.clamp_min(0.0))
+    with torch.no_grad():
+        network.refinement.last.bias.copy_(torch.tensor([0.0, -50.0, 50.0, -50.0]).repeat_interleave(4))
+        torch.testing.assert_close(network.refine(coarse).disparities[1], near, atol=1e-4, rtol=0)
+
+
+def test_a_window_gives_the_same_refinement_as_the_whole():
+    network = shaken(cascade())
+    left, right = views(176, 256)
+    window = Window(64, 80, 48, 96)
+    with torch.no_grad():
+        whole, part = network(left, right), network(left, right, window=window)
+    torch.testing.assert_close(part.disparities[1], window.of(whole.disparities[1], 2), atol=1e-3, rtol=0)
+    torch.testing.assert_close(part.evidence, window.of(whole.evidence, 4), atol=1e-4, rtol=0)
+
+
+def test_only_the_second_stage_learns():
+    network = cascade().train()
+    before = {name: value.clone() for name, value in network.first.state_dict().items()}
+    network(*views(64, 128)).disparities[-1].mean().backward()
+    assert all(parameter.grad is None for parameter in network.first.parameters())
+    assert network.refinement.last.bias.grad is not None and network.stem.conv.weight.grad is not None
+    for name, value in network.first.state_dict().items():
+        assert torch.equal(value, before[name]), name
+
+
+def test_it_takes_the_weights_of_fast():
+    fast = shaken(build_network("fast", RANGE // 2, dense_disparity=24, mode_reach=2))
+    network = cascade()
+    network.load_state_dict(network.adapted(fast.state_dict(), RANGE // 2, 24))
+    for name, value in fast.state_dict().items():
+        assert torch.equal(network.first.state_dict()[name], value)
+    again = cascade()
+    again.load_state_dict(again.adapted(network.state_dict(), RANGE, 48))
+
+
+@pytest.fixture(scope="module")
+def exported_cascade(tmp_path_factory):
+    return export_into(tmp_path_factory.mktemp("cascade"), "cascade")
+
+
+def test_the_file_computes_what_the_network_does(exported_cascade):
+    network, path, _ = exported_cascade
+    report = check_parity(network, path, parity_pairs(*warped_pair(5, (96, 160))[:2]))
+    assert report["largest_px"] < 1e-3
+    form = network.export_form()
+    assert not any(isinstance(module, nn.BatchNorm2d) for module in form.modules())
+
+
+def test_both_stages_run_in_integers(exported_cascade, tmp_path):
+    quantize_model(exported_cascade.path, tmp_path / "int8.onnx", Scenes(), range(2))
+    graph = onnx.load(tmp_path / "int8.onnx").graph
+    makers = {name: node for node in graph.node for name in node.output}
+    weights = {weight.name: weight for weight in graph.initializer}
+    wide = [node for node in graph.node if node.op_type == "Conv" and node.input[1] in weights]
+    floats = [conv for conv in wide if weights[conv.input[1]].dims[0] >= 16]
+    # As in `Fast`, one layer in each stage reads disparities beside what was seen at them.
+    assert [makers[conv.input[0]].op_type for conv in floats] == ["Concat"] * 2
+
+
+@pytest.mark.parametrize("value", [0, -16, 72])
+def test_the_range_is_a_multiple_of_sixteen(value):
+    with pytest.raises(InvalidArgument, match="multiple of 16"):
+        build_network("cascade", max_disparity=value)
