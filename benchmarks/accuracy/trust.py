@@ -109,7 +109,12 @@ def _share(part: int, whole: int) -> float | None:
 
 def measure(model: str, samples: list[Sample], cases: tuple[Case, ...]) -> dict[str, Any]:
     """Answer every pair in every case."""
-    tallies = {case.name: Tally() for case in cases}
+    return {case.name: _tally(model, samples, case).result(case) for case in progress(cases, total=len(cases))}
+
+
+def _tally(model: str, samples: list[Sample], case: Case) -> Tally:
+    """Answer every pair of one case, with an estimator that saw no other: it remembers the frames before."""
+    tally = Tally()
     first = samples[0]
     size = first.left.shape[1::-1]
     rig = None
@@ -117,13 +122,11 @@ def measure(model: str, samples: list[Sample], cases: tuple[Case, ...]) -> dict[
         rig = StereoCalibration.rectified(first.focal_px, first.baseline_mm, size, doffs=first.doffs)
     with DepthEstimator(model, calibration=rig, threads=2, spinning=False) as estimator:
         largest = estimator.largest_disparity(*size) or np.inf
-        for sample in progress(samples, total=len(samples)):
-            for case in cases:
-                rng = np.random.default_rng([zlib.crc32(sample.id.encode()), zlib.crc32(case.name.encode())])
-                spoilt = case.spoil(sample, rng)
-                answer = estimator.predict(spoilt.left, spoilt.right)
-                tallies[case.name].add(spoilt, answer, case, largest)
-    return {case.name: tallies[case.name].result(case) for case in cases}
+        for sample in samples:
+            rng = np.random.default_rng([zlib.crc32(sample.id.encode()), zlib.crc32(case.name.encode())])
+            spoilt = case.spoil(sample, rng)
+            tally.add(spoilt, estimator.predict(spoilt.left, spoilt.right), case, largest)
+    return tally
 
 
 def main() -> None:

@@ -33,6 +33,12 @@ def test_clean_pairs_are_trusted_and_faults_are_named():
         assert found[name]["named"] == 1 and found[name]["status"] == {"INVALID": 1}
 
 
+def test_a_case_does_not_see_the_frames_of_another_one():
+    cases = [Case(str(number), FAULTS[0].spoil) for number in range(7)]  # one left view, so often
+    found = measure(str(TINY_MODEL), [plane()], tuple(cases))
+    assert not any("FROZEN" in result["causes"] for result in found.values())
+
+
 def test_every_case_changes_the_pair_and_keeps_its_shape():
     sample = plane()
     names = [case.name for case in (*USABLE, *FAULTS)]
