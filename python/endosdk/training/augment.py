@@ -21,7 +21,17 @@ Map = NDArray[np.float32]
 SCALES = (0.7, 1.4)  # of the picture
 WIDE_SCALES = (0.6, 1.8)  # with the look "scale": disparities from almost 0 to the end of a wide range
 # Share of the pairs that get a look which is switched on.
-CHANCES = {"tone": 0.5, "colours": 0.3, "blur": 0.25, "noise": 0.2, "glare": 0.25, "rows": 0.25, "field": 0.15}
+CHANCES = {
+    "tone": 0.5,
+    "colours": 0.3,
+    "blur": 0.25,
+    "noise": 0.2,
+    "glare": 0.25,
+    "rows": 0.25,
+    "field": 0.15,
+    "haze": 0.15,
+    "compression": 0.25,
+}
 
 
 @dataclass(frozen=True)
@@ -49,23 +59,25 @@ def random_pair(
     left, right = _colours(pair.left, pair.right, rng, 0.2 if "tone" in switches else 0.06)
     if rng.random() < 0.5:
         right = looks.misaligned(right, rng, rows_px=1.0, degrees=0.1)  # after a good calibration
-    left, right, disparity = _looks(left, right, pair.disparity, rng, switches)
+    drawn = {name: rng.random() for name in looks.LOOKS}  # the same for every choice of switches
+    on = {name for name in switches if drawn[name] < CHANCES.get(name, 1.0)}
+    left, right, disparity = _looks(left, right, pair.disparity, rng, on)
     left, right = (_sensor(view, rng) for view in (left, right))
+    if "compression" in on:
+        left, right = looks.compressed(left, right, rng)
     if rng.random() < 0.3:
         right = _occluded(right, rng)
     return Pair(left, right, disparity)
 
 
-def _looks(
-    left: Image, right: Image, disparity: Map, rng: Generator, switches: Collection[str]
-) -> tuple[Image, Image, Map]:
-    """Give the pair the looks that are switched on, each with a chance of its own."""
-    drawn = {name: rng.random() for name in looks.LOOKS}  # the same for every choice of switches
-    on = {name for name in switches if drawn[name] < CHANCES.get(name, 1.0)}
+def _looks(left: Image, right: Image, disparity: Map, rng: Generator, on: Collection[str]) -> tuple[Image, Image, Map]:
+    """Give the pair the looks that come before the sensor."""
     if "tone" in on:
         left, right = looks.contrast(left, rng), looks.contrast(right, rng)
     if "colours" in on:
         left, right = looks.recoloured(left, right, rng)
+    if "haze" in on:
+        left, right = looks.hazy(left, right, rng)
     if "glare" in on:
         left, right = looks.glare(left, rng), looks.glare(right, rng)
     if "rows" in on:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-LOOKS = ("tone", "colours", "blur", "noise", "glare", "rows", "field", "scale")
+LOOKS = ("tone", "colours", "blur", "noise", "glare", "rows", "field", "scale", "haze", "compression")
 
 
 def recoloured(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
@@ -68,6 +68,26 @@ def glare(view: Image, rng: Generator) -> Image:
         cv2.ellipse(light, centre, axes, float(rng.uniform(0, 180)), 0, 360, float(rng.uniform(120, 400)), -1)
     light = np.asarray(cv2.GaussianBlur(light, (0, 0), float(rng.uniform(0.8, 3.0))), dtype=np.float32)
     return np.asarray(np.clip(view + light[..., None], 0.0, 255.0), dtype=np.uint8)
+
+
+def hazy(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
+    """Lay an even veil over both views, as smoke or a fogged lens does: less contrast around a bright grey."""
+    clear, level = np.float32(rng.uniform(0.2, 0.8)), np.float32(rng.uniform(90.0, 200.0))
+    veiled = [np.clip(level + clear * (view - level), 0.0, 255.0).astype(np.uint8) for view in (left, right)]
+    return veiled[0], veiled[1]
+
+
+def compressed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
+    """Store both views as JPEG of one quality, half of the pairs at twice the size: frames are often reduced later."""
+    quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(10, 70))]
+    times = int(rng.integers(1, 3))
+    size = (left.shape[1], left.shape[0])
+    views = []
+    for view in (left, right):
+        stored = cv2.resize(view, (times * size[0], times * size[1]), interpolation=cv2.INTER_LINEAR)
+        read = cv2.imdecode(cv2.imencode(".jpg", stored, quality)[1], cv2.IMREAD_COLOR)
+        views.append(np.asarray(cv2.resize(read, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+    return views[0], views[1]
 
 
 def field_of_view(size: tuple[int, int], rng: Generator) -> tuple[Mask, Mask]:
