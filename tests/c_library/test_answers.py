@@ -7,6 +7,7 @@ import hashlib
 import json
 import logging
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,3 +177,13 @@ def test_same_geometry_and_hash_as_python(library, rig_name):
     assert report["calibration_sha256"] == rig.sha256
     assert report["model"]["sha256"] == endosdk.DepthEstimator(TINY_MODEL).model.sha256
     assert report["onnxruntime_telemetry"] == "off"
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are listed in /proc on Linux alone")
+def test_the_threads_of_a_stream_are_known_by_name(library):
+    estimator = c.CEstimator(library, TINY_MODEL, raw_rig(), threads=2)
+    names = set()
+    for _ in estimator.stream([shifted_pair(480, 640, 5)] * 3):
+        names |= {(task / "comm").read_text().strip() for task in Path("/proc/self/task").iterdir()}
+    estimator.close()
+    assert "endosdk-stream" in names

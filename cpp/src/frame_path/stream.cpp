@@ -2,6 +2,7 @@
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
+#include "platform/system.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -125,6 +126,7 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
 }
 
 void Stream::serve() {
+  system::name_this_thread("endosdk-stream");
   set_thread_count(1);
   std::unique_lock lock(mutex_);
   for (;;) {

@@ -50,6 +50,9 @@ std::string processor_name();
 // Whether a processor of the ARM family has dot products of 8-bit integers.
 bool has_arm_dot_products();
 
+// What debuggers and `top` show of the calling thread; at most 15 bytes.
+void name_this_thread(const char* name);
+
 long process_id();
 
 // Called around every fork of this process, where there is such a thing.

@@ -135,6 +135,14 @@ int usable_cores() {
   return static_cast<int>(std::thread::hardware_concurrency());
 }
 
+void name_this_thread(const char* name) {
+#ifdef __APPLE__
+  pthread_setname_np(name);
+#else
+  pthread_setname_np(pthread_self(), name);
+#endif
+}
+
 std::string processor_name() {
 #ifdef __APPLE__
   char brand[256] = {};

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <system_error>
@@ -122,6 +123,14 @@ int usable_cores() {
   int count = 0;
   for (; ours != 0; ours &= ours - 1) ++count;
   return count;
+}
+
+void name_this_thread(const char* name) {
+  // From Windows 10 on, and so looked for.
+  using SetDescription = HRESULT(WINAPI*)(HANDLE, PCWSTR);
+  const auto set = reinterpret_cast<SetDescription>(
+      reinterpret_cast<void*>(GetProcAddress(GetModuleHandleA("kernel32.dll"), "SetThreadDescription")));
+  if (set != nullptr) set(GetCurrentThread(), std::wstring(name, name + std::strlen(name)).c_str());
 }
 
 std::string processor_name() {

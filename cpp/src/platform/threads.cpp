@@ -74,6 +74,7 @@ class Pool {
   }
 
   [[noreturn]] void serve(int worker, unsigned seen) {
+    system::name_this_thread("endosdk-kernels");
     std::unique_lock lock(mutex_);
     for (;;) {
       wake_.wait(lock, [&] { return generation_ != seen; });
