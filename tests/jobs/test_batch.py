@@ -20,7 +20,7 @@ from endosdk.commands.cli import main
 from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.jobs.batch import Settings, find_pairs, run_batch
-from tests.ray_workers import a_worker_killed
+from tests.ray_cluster import a_worker_killed, ray_cluster, ray_quiet
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
 NAMES = [f"frame_{number:03d}_left" for number in range(10)]  # more than a worker is given at a time
@@ -87,20 +87,12 @@ def test_several_processes_give_the_same_bytes(archive, settings, done, tmp_path
     assert contents(tmp_path / "out") == contents(done)
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path, monkeypatch):
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    ray = pytest.importorskip("ray", reason="no Ray: pip install 'endosdk[ray]'")
+@pytest.mark.slow
+@ray_quiet
+def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path):
     many(archive, tmp_path, 200)
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
-    try:
-        with a_worker_killed(tmp_path / "out", "pairs/*"):
-            run_batch(
-                find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out", workers=2, ray=True
-            )
-    finally:
-        ray.shutdown()
+    with ray_cluster(), a_worker_killed(tmp_path / "out", "pairs/*"):
+        run_batch(find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out", workers=2, ray=True)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "batch.json", "pairs"]
     expected = contents(done / "pairs" / NAMES[0])
     expected.pop("result.json")  # it has the names

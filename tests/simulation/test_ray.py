@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from endosdk.commands.cli import main
 from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
-from tests.ray_workers import a_worker_killed
+from tests.ray_cluster import a_worker_killed, ray_cluster, ray_quiet
 
 WORDS = (
     *("--organ", "stomach", "--seed", "3", "--width", "64", "--height", "48", "--focal", "27", "--max-disparity", "6"),
@@ -17,18 +15,11 @@ WORDS = (
 )
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_killed_worker_loses_nothing(renderer: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    ray = pytest.importorskip("ray", reason="no Ray: pip install 'endosdk[ray]'")
+@ray_quiet
+def test_a_killed_worker_loses_nothing(renderer: object, tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     assert main(["simulate", "--out", str(here), *WORDS]) == 0
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
-    try:
-        with a_worker_killed(there, "train/*"):
-            assert main(["simulate", "--out", str(there), "--ray", "--workers", "2", *WORDS]) == 0
-    finally:
-        ray.shutdown()
+    with ray_cluster(), a_worker_killed(there, "train/*"):
+        assert main(["simulate", "--out", str(there), "--ray", "--workers", "2", *WORDS]) == 0
     assert open_dataset(there, "train").sha256 == open_dataset(here, "train").sha256
     assert all(fault is None for _, fault in verify_dataset(there))

@@ -138,7 +138,7 @@ void frames_in_flight_can_be_cancelled(const Places& at) {
   CHECK(cancelled);
   CHECK(stream.submit(pair, out.result) == ENDO_OK);
   endo_result* result = nullptr;
-  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && out.result.quality == ENDO_QUALITY_OK);
+  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && std::isfinite(out.disparity[5]));
 }
 
 void closing_waits_for_the_frame_that_runs(const Places& at) {

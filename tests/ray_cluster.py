@@ -1,4 +1,4 @@
-"""Kill a process that works for a Ray cluster, as a machine that fails would."""
+"""A Ray cluster for tests, and the death of one of its workers, as of a machine that fails."""
 
 from __future__ import annotations
 
@@ -7,8 +7,42 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+
+import pytest
+
+
+def ray_quiet(test: Callable[..., None]) -> Callable[..., None]:
+    """Overlook what Ray itself warns of and leaves behind."""
+    for warning in (
+        "DeprecationWarning",
+        "FutureWarning",
+        "ResourceWarning",
+        "pytest.PytestUnraisableExceptionWarning",
+    ):
+        test = pytest.mark.filterwarnings(f"ignore::{warning}")(test)
+    return test
+
+
+@contextlib.contextmanager
+def ray_cluster() -> Iterator[None]:
+    """A cluster of two workers on this machine."""
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    ray = pytest.importorskip("ray", reason="no Ray: pip install 'endosdk[ray]'")
+    for last in (False, False, True):
+        try:
+            ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+            break
+        except Exception as error:  # Ray has no type of its own for it
+            # Ray waits half a minute for its parts, which a busy machine may not start in that time.
+            if last or "timed out during startup" not in str(error):
+                raise
+            ray.shutdown()
+    try:
+        yield
+    finally:
+        ray.shutdown()
 
 
 def parent(pid: int) -> int:
