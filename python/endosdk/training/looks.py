@@ -86,6 +86,7 @@ def compressed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]
     for view in (left, right):
         stored = cv2.resize(view, (times * size[0], times * size[1]), interpolation=cv2.INTER_LINEAR)
         read = cv2.imdecode(cv2.imencode(".jpg", stored, quality)[1], cv2.IMREAD_COLOR)
+        assert read is not None
         views.append(np.asarray(cv2.resize(read, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
     return views[0], views[1]
 
