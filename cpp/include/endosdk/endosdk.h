@@ -134,8 +134,8 @@ typedef struct endo_options {
     const char *model_sha256;    /* 64 hexadecimal digits that the model's bytes must hash to; NULL: any model */
     endo_log_function log;       /* NULL: silence */
     void *log_context;           /* handed to log */
-    int32_t network_width;       /* size the network works at; 0: the model's inference width; see docs */
-    int32_t network_height;      /* wide. Smaller is faster and finds larger disparities; maps keep the frames' size */
+    int32_t network_width;       /* size the network works at; 0: the model's inference width, see docs/c-library.md */
+    int32_t network_height;      /* smaller is faster and finds larger disparities; maps keep the frames' size */
     double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.5 */
     double min_depth_mm;         /* depth outside the range is no answer; default 0 */
     double max_depth_mm;         /* default infinity */
@@ -286,7 +286,8 @@ typedef struct endo_result {
     float *confidence;                /* probability that the disparity is right to a pixel of the network's grid; 0
                                          where the two views do not agree, everywhere if they show different things */
     float *depth;                     /* mm along the optical axis; NaN where reasons are set */
-    float *sigma;                     /* expected standard error of depth, mm; NaN as depth */
+    float *sigma;                     /* expected absolute error of depth, mm: the scale of a Laplace law, about two thirds
+                                         of the errors are smaller; NaN as depth */
     uint8_t *reasons;                 /* endo_reason bits; 0: the pixel has an answer */
     uint16_t *disparity_u16;          /* disparity in steps of 1/256 px, 0 where reasons are set, at most 65535 */
     uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm, 0 where reasons are set, at most 65535 */
@@ -388,8 +389,8 @@ ENDO_API endo_status endo_get_diagnostics(endo_estimator *estimator, char *buffe
 
 In the maps of one frame, with the rig it was computed for. Pixels are x and y, one after the other, of the maps: those of the
 rectified left view. A result needs depth and sigma; with reasons, a refusal names why a pixel has no depth. Standard errors
-come from sigma; errors of pixels r px apart are correlated by exp(-r / L), L 2.1 % of the width. Those of the calibration are
-not in them. */
+come from sigma: that of a depth is 1.41 sigma. Errors of pixels r px apart are correlated by exp(-r / L), L 2.1 % of the
+width. Errors of the calibration are not in them. */
 
 typedef struct endo_measured {
     uint32_t struct_size;

@@ -28,7 +28,7 @@ struct ModelInfo {
   int output_stride = 1;   // the output grid is the input grid divided by this
   int max_disparity = 0;   // px at the input's width
   int max_candidate_disparity = 0;      // the largest disparity the network considers, px at the input's width; 0: not stated
-  int inference_width = 0;     // px; wider frames are seen at this width unless the caller sets a size; 0: none named
+  int inference_width = 0;     // px; frames are seen at this width unless the caller sets a size; 0: none named
   Upsampling upsampling;
   std::string license;
   std::string intended_use;

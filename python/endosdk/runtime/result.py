@@ -117,7 +117,10 @@ class DepthResult:
 
     @property
     def sigma(self) -> FloatMap:
-        """Expected standard error of `depth`, mm, float32 [H, W]: depth^2 / (f B) times that of the disparity."""
+        """Expected absolute error of `depth`, mm, float32 [H, W]: depth^2 / (f B) times that of the disparity.
+
+        It is the scale of a Laplace law: about two thirds of the errors are smaller. NaN where `depth` is.
+        """
         if self.sigma_map is None:
             raise _no_calibration("sigma")
         return self.sigma_map

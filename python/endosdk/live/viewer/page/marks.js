@@ -1,6 +1,6 @@
 // What is pointed at: points, lines and outlines over the left view, with what the server measured.
 const HINTS = {
-  point: "Click a pixel: its depth with the expected error.",
+  point: "Click a pixel: its depth with the standard error.",
   distance: "Click two pixels, or more for a path; double click ends it.",
   area: "Click the corners of an outline; double click closes it.",
 };
