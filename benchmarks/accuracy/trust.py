@@ -10,7 +10,6 @@ model's range, count as neither.
 
 from __future__ import annotations
 
-import zlib
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
 from benchmarks.model_records import models_parser, record_models
-from endosdk import DepthEstimator, DepthResult, Status, StereoCalibration
+from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.metrics import sigma_bins, sigma_gap, sparsification_error
@@ -46,7 +45,7 @@ class Tally:
         """Count one pair."""
         self.status[answer.status.name] += 1
         self.causes.update(cause.name for cause in answer.causes)
-        self.named += answer.status != Status.OK and bool(set(answer.causes) & set(case.causes))
+        self.named += case.named_by(answer)
         valid = answer.reasons == 0
         if "outside" in sample.info:
             outside = sample.info["outside"]
@@ -123,8 +122,7 @@ def _tally(model: str, samples: list[Sample], case: Case) -> Tally:
     with DepthEstimator(model, calibration=rig, threads=2, spinning=False) as estimator:
         largest = estimator.largest_disparity(*size) or np.inf
         for sample in samples:
-            rng = np.random.default_rng([zlib.crc32(sample.id.encode()), zlib.crc32(case.name.encode())])
-            spoilt = case.spoil(sample, rng)
+            spoilt = case.pair(sample)
             tally.add(spoilt, estimator.predict(spoilt.left, spoilt.right), case, largest)
     return tally
 

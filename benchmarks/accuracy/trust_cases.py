@@ -6,6 +6,7 @@ Lengths are px of a frame 960 wide.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk import Cause
+from endosdk import Cause, DepthResult, Status
 from endosdk.datasets.dataset import Sample
 from endosdk.simulation.faults.field import Field, darken_outside, inside
 from endosdk.simulation.faults.rows import Rows, move_view
@@ -29,6 +30,15 @@ class Case:
     name: str
     spoil: Spoil
     causes: tuple[Cause, ...] = ()
+
+    def pair(self, sample: Sample) -> Sample:
+        """Spoil a sample, the same way every time."""
+        seed = [zlib.crc32(sample.id.encode()), zlib.crc32(self.name.encode())]
+        return self.spoil(sample, np.random.default_rng(seed))
+
+    def named_by(self, answer: DepthResult) -> bool:
+        """Whether the frame is not OK and names a cause of the case."""
+        return answer.status != Status.OK and bool(set(answer.causes) & set(self.causes))
 
 
 def _whole(picture: NDArray[np.floating]) -> Picture:

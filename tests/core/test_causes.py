@@ -118,7 +118,8 @@ def test_measures_equal_their_twins(estimator):
     left, right = shifted_pair(*SIZE, 9)
     left[:60, :80], right[100:] = 250, cv2.GaussianBlur(right[100:], (0, 0), 1.5)
     right[20:60, 100:200] = 60
-    for pair in ((left, right), (noisy(left, 5, 1), noisy(right // 2, 3, 2))):
+    round_ones = circled(left, 120, 90, 85, 9, 1)[0], circled(right, 124, 93, 80, 4, 2)[0]
+    for pair in ((left, right), (noisy(left, 5, 1), noisy(right // 2, 3, 2)), round_ones):
         result = estimator.predict(*pair)
         views = [resampling.planar(view, "rgb", *view.shape[:2]) for view in estimator.rectified_pair()]
         wanted = view_measures.view_measures(*views, *views[0].shape[1:])
@@ -147,6 +148,17 @@ def test_a_circle_is_found_and_nothing_outside_is_valid(estimator, x, y, radius)
     assert twin[inside].mean() > 0.98
     deep = cv2.erode((twin & inside).astype(np.uint8), np.ones((9, 25))) > 0
     assert (result.reasons[deep] == 0).mean() > 0.85
+
+
+@pytest.mark.parametrize("sigma", [0.0, 2.0])
+def test_the_edge_of_the_field_is_no_focus(estimator, sigma):
+    """One view soft and the other one sharp at the edge of the field alone, then in the picture as well."""
+    smooth, blurred = (
+        [cv2.GaussianBlur(view, (0, 0), spread) for view in shifted_pair(*SIZE, 9)] for spread in (3.0, 3.0 + sigma)
+    )
+    left, _ = circled(smooth[0], 120, 90, 80, 3, 1)
+    right, _ = circled(blurred[1], 124, 92, 80, 20, 2)
+    assert (Cause.BLURRED in estimator.predict(left, right).causes) == (sigma > 0)
 
 
 @pytest.mark.parametrize("dark", ["fading corners", "a dark cavity", "a dark frame"])

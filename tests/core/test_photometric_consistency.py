@@ -66,6 +66,22 @@ def test_equals_twin(height, width, stride, threads):
         assert 0.05 < np.mean(expected == 0) < 0.95
 
 
+def test_equals_twin_in_a_circular_field_of_view():
+    height, width, stride = 180, 240, 4
+    rows, columns = np.indices((height, width))
+    views = []
+    for view, x in zip(shifted_pair(height, width, 9), (118, 125), strict=True):
+        inside = np.hypot(columns - x, rows - 92) < 85
+        views.append(padded(np.where(inside[..., None], np.maximum(view, 40), 5).astype(np.uint8), 8))
+    grid = views[0].shape[1] // stride, views[0].shape[2] // stride
+    disparity = (9 + np.random.default_rng(1).normal(0, 1.2, grid)).astype(np.float32)
+    confidence = np.ones_like(disparity)
+    expected, _ = matched_views.supported_confidence(disparity, confidence, *views, height, width)
+    twin = resampling.resize_bilinear(expected, height, width, 1 / stride, 1 / stride, 1.0)
+    np.testing.assert_allclose(confidence_of(disparity, confidence, *views, height, width), twin, atol=1e-3)
+    assert 0.05 < np.mean(expected < 0.5) < 0.95  # noisy disparities have edges
+
+
 @pytest.mark.parametrize("wrong", ["another moment", "covered", "swapped", "misaligned", "black", "noise"])
 def test_views_that_do_not_belong_together_have_no_answer(wrong):
     left, right = shifted_pair(180, 240, 9)

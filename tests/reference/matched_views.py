@@ -6,7 +6,7 @@ import numpy as np
 
 from endosdk import _core
 from endosdk._core import Cause
-from tests.reference.view_measures import brightness, cell_levels, field_of_view, noise
+from tests.reference.view_measures import brightness, deep_inside, noise, seen_cells
 
 LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
 LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
@@ -28,19 +28,22 @@ def correlation_of_views(
     if not here.size:
         return np.empty((0, 0)), np.empty((0, 0)), unit
     factor = 6 / 16 * 6 / 16 / (2 * unit**2)
-    left_noise, right_noise = (noise(view, height, width, unit) ** 2 * factor for view in (left, right))
+    views = (left, right)
+    fields = [seen_cells(view, height, width) for view in views]
+    left_noise, right_noise = (
+        noise(view, field, unit) ** 2 * factor for view, field in zip(views, fields, strict=True)
+    )
     grid = disparity.shape
     y = np.minimum(((2 * np.arange(rows) + 1) * unit * grid[0] / left.shape[1]).astype(int), grid[0] - 1)
     x = np.minimum(((2 * np.arange(cells) + 1) * unit * grid[1] / left.shape[2]).astype(int), grid[1] - 1)
     found = disparity[y][:, x] / np.float32(unit)
-    fields = [field_of_view(cell_levels(view, height, width)) for view in (left, right)]
-    if fields[0] is not None:
-        found[~fields[0]] = np.nan
-    if fields[1] is not None:
+    deep = [deep_inside(field, 1) for field in fields]
+    found[~deep[0]] = np.nan
+    if not fields[1].all():
         place = np.arange(cells) - found / 2
-        on = (place >= 0) & (place <= cells - 1)
-        nearest = np.where(on, place + 0.5, 0).astype(int)
-        found[~(on & np.take_along_axis(fields[1], nearest, 1))] = np.nan
+        first = np.where(deep[1].any(axis=1), deep[1].argmax(axis=1), cells)
+        last = cells - 1 - deep[1][:, ::-1].argmax(axis=1)
+        found[~((place >= first[:, None]) & (place <= last[:, None]))] = np.nan
     correlation, share = np.full((rows, cells), np.nan), np.ones((rows, cells))
     match = 2 * np.arange(cells, dtype=np.float32) - found
     inside = (match >= 0) & (match <= here.shape[1] - 1)
@@ -60,11 +63,10 @@ def correlation_of_views(
                 correlation[row, cell] = np.clip(together / np.sqrt(max(varies[0], flat) * max(varies[1], flat)), -1, 1)
                 share[row, cell] = np.clip(correlation[row, cell] / 0.4, 0, 1)
         around = found[max(0, row - 1) : row + 2, max(0, cell - 1) : cell + 2]
-        with np.errstate(invalid="ignore"):
-            spread = np.nanmax(around) - np.nanmin(around) if np.isfinite(found[row, cell]) else np.inf
-        share[row, cell] *= np.clip((4.5 - spread) / 3, 0, 1)
-    if any(field is not None for field in fields):
-        share[np.isnan(found)] = 1
+        if np.isinf(found[row, cell]):
+            share[row, cell] = 0
+        elif not np.isnan(found[row, cell]):
+            share[row, cell] *= np.clip((4.5 - (np.nanmax(around) - np.nanmin(around))) / 3, 0, 1)
     return correlation, share, unit
 
 
@@ -76,14 +78,13 @@ def supported_confidence(
     textured = np.isfinite(correlation)
     if share.size == 0:
         return confidence, True
-    seen = field_of_view(cell_levels(left, height, width))
-    if seen is not None:
-        textured &= seen
+    seen = seen_cells(left, height, width)
+    textured &= seen
     windows = max(1, textured.sum() / 81)
     if not textured.any():
         return np.zeros_like(confidence), False
     most = correlation[textured].mean() + 3.09 * correlation[textured].std() / np.sqrt(windows)
-    if textured.sum() / (textured.size if seen is None else seen.sum()) < LEAST_TEXTURE or most < LEAST_CORRELATION:
+    if textured.sum() / seen.sum() < LEAST_TEXTURE or most < LEAST_CORRELATION:
         return np.zeros_like(confidence), False
     y, x = np.indices(confidence.shape) + 0.5
     rows = np.minimum((y * left.shape[1] / confidence.shape[0]).astype(int) // (2 * unit), share.shape[0] - 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.reference.view_measures import brightness, noise
+from tests.reference.view_measures import brightness, noise, seen_cells
 
 POSE_PRIOR = np.array([0.1, 0.1, 0.1, 0.01, 0.01])
 
@@ -88,7 +88,7 @@ def rig_error(
     ]
     found = disparity[at[0]][:, at[1]] / unit
     wanted = confidence[at[0]][:, at[1]] >= 0.5
-    deviation = max(noise(view, picture[1], picture[0], unit) for view in (left, right))
+    deviation = max(noise(view, seen_cells(view, picture[1], picture[0]), unit) for view in (left, right))
     flat = 2 + 9 * deviation**2 / (8 * unit**2)
     across, down = unit * frame[0], 2 * unit * frame[1]
     x, y = (2 * np.arange(cells) + 0.5) * across - 0.5, (np.arange(height) + 0.5) * down - 0.5

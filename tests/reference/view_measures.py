@@ -18,11 +18,18 @@ def brightness(view: np.ndarray, height: int, width: int) -> tuple[np.ndarray, i
     return (wide[:, :-2] + 2 * wide[:, 1:-1] + wide[:, 2:]) / 4, unit
 
 
-def noise(view: np.ndarray, height: int, width: int, unit: int) -> float:
-    """Standard deviation of the noise of one channel, from the median of the picture's mixed second difference."""
+def noise(view: np.ndarray, inside: np.ndarray, unit: int) -> float:
+    """Standard deviation of the noise of one channel, from the median of the picture's mixed second difference.
+
+    Only cells ``inside`` count.
+    """
+    height, width = (2 * unit * cells for cells in inside.shape)
     green = view[1, :height, :width].astype(int)
     along = green[:, :-2] - 2 * green[:, 1:-1] + green[:, 2:]
-    values = np.abs(along[:-2] - 2 * along[1:-1] + along[2:])[:: 4 * unit, :: 2 * unit].ravel()
+    differences = np.abs(along[:-2] - 2 * along[1:-1] + along[2:])[:: 4 * unit, :: 2 * unit]
+    rows = (1 + 4 * unit * np.arange(differences.shape[0])) // (2 * unit)
+    columns = 1 + 2 * unit * np.arange(differences.shape[1])
+    values = differences[inside[rows][:, columns // (2 * unit)] & inside[rows][:, (columns + 1) // (2 * unit)]]
     if values.size == 0:
         return 0.0
     middle = int(np.sort(values)[(values.size - 1) // 2])
@@ -89,15 +96,31 @@ def field_of_view(levels: np.ndarray) -> np.ndarray | None:
     return inside if inside.mean() <= 1 - 0.005 else None
 
 
+def seen_cells(view: np.ndarray, height: int, width: int) -> np.ndarray:
+    """The cells of a planar view that lie in its field of view, bool; all where no field was found."""
+    levels = cell_levels(view, height, width)
+    field = field_of_view(levels) if levels.size else None
+    return np.ones(levels.shape, bool) if field is None else field
+
+
+def deep_inside(inside: np.ndarray, cells: int) -> np.ndarray:
+    """The cells at least so many, down or along, from a field's edge; the border of the picture is no edge."""
+    height, width = inside.shape
+    wide = np.pad(inside, cells, constant_values=True)
+    deep = inside.copy()
+    for y, x in np.ndindex(2 * cells + 1, 2 * cells + 1):
+        deep &= wide[y : y + height, x : x + width]
+    return deep
+
+
 def view_measures(left: np.ndarray, right: np.ndarray, height: int, width: int) -> dict[str, float]:
     """What two planar views tell by themselves: level, saturated, covered, blur; see view_measures.hpp."""
     planes = [brightness(view, height, width) for view in (left, right)]
     unit = planes[0][1]
     columns = [plane for plane, _ in planes]
     cells = [cell_levels(view, height, width) for view in (left, right)]
-    seen = [field_of_view(cell) for cell in cells]
-    inside = [np.ones(cell.shape, bool) if field is None else field for cell, field in zip(cells, seen, strict=True)]
-    noises = [noise(view, height, width, unit) ** 2 * 6 / 16 / (2 * unit**2) for view in (left, right)]
+    inside = [seen_cells(view, height, width) for view in (left, right)]
+    noises = [noise(view, i, unit) ** 2 * 6 / 16 / (2 * unit**2) for view, i in zip((left, right), inside, strict=True)]
     tiles = [_tiles(cell, mask, 0.4 + 3 * n * 10 / 32) for cell, mask, n in zip(cells, inside, noises, strict=True)]
     covered = [share for share in (_covered(*tiles), _covered(*tiles[::-1])) if np.isfinite(share)]
     return {
@@ -132,13 +155,19 @@ def _covered(here: np.ndarray, there: np.ndarray) -> float:
 
 
 def _blur(columns: list[np.ndarray], inside: list[np.ndarray], noises: list[float]) -> float:
-    """Standard deviation, columns, of the Gaussian that makes the sharper view as soft as the other one."""
+    """Standard deviation, columns, of the Gaussian that makes the sharper view as soft as the other one.
+
+    Both views count without the edge of their field, and what lies beyond it is not blurred into them.
+    """
+    deep = [deep_inside(mask, 4) for mask in inside]
 
     def sharpness(view: int, passes: int) -> float:
         rows = columns[view][2::4].copy()
+        mask = np.repeat(deep[view][2::4], 2, axis=1)
+        within = mask & np.pad(mask[:, :-1], ((0, 0), (1, 0))) & np.pad(mask[:, 1:], ((0, 0), (0, 1)))
         for _ in range(passes):
-            rows[:, 1:-1] = (rows[:, :-2] + rows[:, 2:]) / 4 + rows[:, 1:-1] / 2
-        mask = np.repeat(inside[view][2::4], 2, axis=1)
+            wide = np.pad(rows, ((0, 0), (1, 1)))
+            rows = np.where(within, (wide[:, :-2] + wide[:, 2:]) / 4 + rows / 2, rows)
         both = mask[:, :-8] & mask[:, 8:]
         mask_row = np.array([1.0])
         for _ in range(passes + 1):

@@ -80,7 +80,7 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
 }
 
 void Slot::judge(const MapsOut& maps, FrameReport& report) {
-  const double seen = scratch_.views.size().width > 0 ? scratch_.views.left_field().share() : 1.0;
+  const double seen = scratch_.views.size().width > 0 ? scratch_.views.field(0).share() : 1.0;
   report.causes.set(Cause::few_valid, report.valid_share / seen);
   report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, pixels(stage_->frame())) / seen);
   if (scratch_.views.size().width == 0) return;  // too small a picture to be judged

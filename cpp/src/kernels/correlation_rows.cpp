@@ -129,7 +129,8 @@ void correlation_row(const CorrelationRow& row) {
       support[i] = textured ? pictures : 1.0f;
     }
     for (int i = 0; i < count; ++i) {
-      float nearest = row.disparity[1][first + i + 1];
+      const float centre = row.disparity[1][first + i + 1];
+      float nearest = centre;
       float farthest = nearest;
       for (int y = 0; y < 3; ++y) {
         for (int x = 0; x < 3; ++x) {
@@ -139,7 +140,8 @@ void correlation_row(const CorrelationRow& row) {
         }
       }
       const float spread = nearest - farthest;
-      support[i] *= clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
+      const float whole = clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
+      support[i] *= centre == centre ? whole : 1.0f;  // what is not compared has no edge
     }
   }
 }

@@ -89,6 +89,19 @@ void FieldOfView::find(const float* levels, Size cells) {
   write();
 }
 
+FieldOfView::Extent FieldOfView::extent(int y, int from_edge) const {
+  if (!is_part_) return {0, size_.width - 1};
+  Extent found = extents_[static_cast<size_t>(y)];
+  // A field has no dents, so the rows between reach as far as these.
+  for (const int v : {std::max(0, y - from_edge), std::min(y + from_edge, size_.height - 1)}) {
+    found.first = std::max(found.first, extents_[static_cast<size_t>(v)].first);
+    found.last = std::min(found.last, extents_[static_cast<size_t>(v)].last);
+  }
+  if (found.first > 0) found.first += from_edge;
+  if (found.last < size_.width - 1) found.last -= from_edge;
+  return found;
+}
+
 void FieldOfView::fill_from_border(const float* levels, float most) {
   for_border(size_, [&](int at) {
     uint8_t& mark = mark_[static_cast<size_t>(at)];

@@ -16,11 +16,21 @@ namespace endosdk {
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class FieldOfView {
  public:
+  // Where a row of cells begins and ends; none where last < first.
+  struct Extent {
+    int first;
+    int last;
+  };
+
   // `levels` are grey levels of cells, row by row.
   void find(const float* levels, Size cells);
 
   // Whether it leaves anything out.
   bool is_part() const { return is_part_; }
+
+  // The cells of a row that lie in the field, at least so many, down or along, from its edge. The border of the picture is
+  // no edge.
+  Extent extent(int y, int from_edge) const;
 
   bool inside(int x, int y) const { return inside_[static_cast<size_t>(y) * static_cast<size_t>(size_.width) + static_cast<size_t>(x)] > 0.5f; }
 
@@ -31,12 +41,6 @@ class FieldOfView {
   double share() const { return share_; }
 
  private:
-  // Where a row of cells begins and ends to be inside; none where last < first.
-  struct Extent {
-    int first;
-    int last;
-  };
-
   void fill_from_border(const float* levels, float most);
   bool ends_at_an_edge(const float* levels, float base);
   bool find_largest_part();

@@ -13,24 +13,26 @@ namespace endosdk {
 namespace {
 
 constexpr int rows_per_block = 4;
+constexpr int edge_cells = 1;  // from the edge of a field of view: these show both sides
 constexpr double one_in_a_thousand = 3.09;  // standard deviations
 
 size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 // White noise comes through a mask of 1 -2 1, both ways, six times as strong; of a normal law half of the values lie
-// within 0.6745 standard deviations. Texture hardly changes the median.
-double noise_of(const PlanarView& view, Size picture, int unit) {
+// within 0.6745 standard deviations. Texture hardly changes the median. What lies outside the field of view may have none.
+double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView& field) {
   constexpr int green = 1;
   constexpr int largest = 8 * 255;
   constexpr double half = 0.6745 * 6.0;
   std::array<int, largest + 1> histogram{};
   const int step = 2 * unit;
   int count = 0;
-  for (int y = 1; y + 1 < picture.height; y += 2 * step) {
+  for (int y = 1; y + 1 < cells.height * step; y += 2 * step) {
     const uint8_t* const above = view.row(green, y - 1);
     const uint8_t* const here = view.row(green, y);
     const uint8_t* const below = view.row(green, y + 1);
-    for (int x = 1; x + 1 < picture.width; x += step) {
+    const FieldOfView::Extent seen = field.extent(y / step, 0);
+    for (int x = seen.first * step + 1; x + 1 < (seen.last + 1) * step; x += step) {
       const int corners = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1];
       const int sides = above[x] + here[x - 1] + here[x + 1] + below[x];
       ++histogram[static_cast<size_t>(std::abs(corners - 2 * sides + 4 * here[x]))];
@@ -69,12 +71,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(needed));
   const auto scratch_of = [&](int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * needed; };
 
-  double* const noise[] = {&left_noise_, &right_noise_};
   const PlanarView* const views[] = {&left, &right};
-  const auto measure_noise = [&](int begin, int end, int) {
-    for (int i = begin; i < end; ++i) *noise[i] = noise_of(*views[i], picture, unit_);
-  };
-  parallel_for(2, 1, measure_noise);
   const auto read_rows = [&](int begin, int end, int worker) {
     for (int i = begin; i < end; ++i) {
       const int view = i % 2;
@@ -90,8 +87,12 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
     }
   };
   parallel_for(2 * cells_.height, 2 * rows_per_block, read_rows, workers);
+  double* const noise[] = {&left_noise_, &right_noise_};
   parallel_for(2, 1, [&](int begin, int end, int) {
-    for (int i = begin; i < end; ++i) find_field(i);
+    for (int i = begin; i < end; ++i) {
+      find_field(i);
+      *noise[i] = noise_of(*views[i], cells_, unit_, fields_[i]);
+    }
   });
   place(disparity, grid);
   const auto match_rows = [&](int begin, int end, int worker) {
@@ -119,7 +120,6 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
       row.correlation = correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
       row.support = support_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
       kernels().correlation_row(row);
-      if (!all_seen()) keep_unseen(y);
     }
   };
   parallel_for(cells_.height, rows_per_block, judge_rows);
@@ -133,35 +133,25 @@ void MatchedViews::place(const FloatView& disparity, Scale grid) {
   const auto place_of = [this](int cell, double scale, int count) {
     return std::min(static_cast<int>((2 * cell + 1) * unit_ * scale), count - 1);
   };
+  const bool whole_right = !fields_[1].is_part();
   const float columns_per_pixel = 1.0f / static_cast<float>(unit_);
-  const bool whole = all_seen();
   for (int y = -1; y <= cells_.height; ++y) {
     const int row = std::clamp(y, 0, cells_.height - 1);
     const int from = place_of(row, grid.y, disparity.height);
+    const FieldOfView::Extent left = fields_[0].extent(row, edge_cells);
+    const FieldOfView::Extent right = fields_[1].extent(row, edge_cells);
     const float* const source = disparity.data + static_cast<ptrdiff_t>(from) * disparity.width;
     float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + 1) * stride;
     for (int x = 0; x < cells_.width; ++x) {
       const float found = columns_per_pixel * source[place_of(x, grid.x, disparity.width)];
-      out[x + 1] = whole || both_see(x, row, found) ? found : std::numeric_limits<float>::quiet_NaN();
+      const float match = static_cast<float>(x) - 0.5f * found;
+      const bool here = x >= left.first && x <= left.last;
+      const bool there = whole_right || (match >= static_cast<float>(right.first) && match <= static_cast<float>(right.last));
+      out[x + 1] = here && there ? found : std::numeric_limits<float>::quiet_NaN();
     }
     out[0] = out[1];
     out[stride - 1] = out[stride - 2];
   }
-}
-
-// What is not compared keeps its confidence: its pixels have a reason, and those beside them must not suffer.
-void MatchedViews::keep_unseen(int y) {
-  for (int x = 0; x < cells_.width; ++x) {
-    if (std::isnan(disparity(y)[x])) support_[static_cast<size_t>(y) * static_cast<size_t>(cells_.width) + static_cast<size_t>(x)] = 1.0f;
-  }
-}
-
-bool MatchedViews::both_see(int x, int y, float disparity) const {
-  if (!sees(0, x, y)) return false;
-  if (!fields_[1].is_part()) return true;
-  const float match = static_cast<float>(x) - 0.5f * disparity;
-  const bool matched = match >= 0.0f && match <= static_cast<float>(cells_.width - 1);
-  return matched && fields_[1].inside(static_cast<int>(match + 0.5f), y);
 }
 
 double MatchedViews::noise_of_column(int view) const {

@@ -40,9 +40,11 @@ class MatchedViews {
   // Grey levels of cells, and whether they lie in the field of view.
   const float* levels(int view, int y) const { return levels_[view].data() + static_cast<ptrdiff_t>(y) * cells_.width; }
   bool sees(int view, int x, int y) const { return !fields_[view].is_part() || fields_[view].inside(x, y); }
+  const FieldOfView& field(int view) const { return fields_[view]; }
 
-  // Per cell: disparity in columns; correlation of the views, not a number where there is nothing to compare; and the share
-  // of the network's confidence that is left.
+  // Per cell: disparity in columns, not a number where it is not compared: outside a field of view, at its edge, or matched with
+  // what lies there; correlation of the views around it, not a number where there is nothing to compare; and the share of the
+  // network's confidence that is left.
   const float* disparity(int y) const { return disparity_.data() + static_cast<ptrdiff_t>(y + 1) * (cells_.width + 2) + 1; }
   const float* correlation(int y) const { return correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
   const float* support(int y) const { return support_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
@@ -50,10 +52,6 @@ class MatchedViews {
   // Rows of brightness, 2 * size().width values each.
   const float* left(int y) const { return brightness_[0].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
   const float* right(int y) const { return brightness_[1].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
-
-  // Of cells. What lies outside them, or is matched with what does, is not compared, and has no number for its disparity.
-  const FieldOfView& left_field() const { return fields_[0]; }
-  const FieldOfView& right_field() const { return fields_[1]; }
 
   // Mean correlation of all cells that can be compared, 0 when there are none; the most that it may be, but for one pair in
   // a thousand; and the share of these cells in the field of view.
@@ -64,9 +62,6 @@ class MatchedViews {
  private:
   void find_field(int view);
   void place(const FloatView& disparity, Scale grid);
-  bool all_seen() const { return !fields_[0].is_part() && !fields_[1].is_part(); }
-  bool both_see(int x, int y, float disparity) const;
-  void keep_unseen(int y);
   void sum_up();
 
   Size cells_;

@@ -135,7 +135,7 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   const bool has_fields = input.right.data != nullptr && scratch.views.size().width > 0;
   if (has_fields) {
     const double cell = 2.0 * scratch.views.unit();
-    fields.prepare(scratch.views.left_field(), scratch.views.right_field(), width, {input.view_scale.y / cell, input.view_scale.x / cell});
+    fields.prepare(scratch.views.field(0), scratch.views.field(1), width, {input.view_scale.y / cell, input.view_scale.x / cell});
   }
   const DepthLimits limits = limits_of(input);
   const RigSigma rig_sigma(input.right.data != nullptr ? scratch.rows.latest() : PoseError(), input.pattern,

@@ -15,6 +15,7 @@ constexpr float blown_out = 245.0f;    // grey level of a cell
 constexpr double flattest = 0.4;       // grey levels squared, beside a plane, that are no texture
 constexpr int least_tiles = 12;        // with texture, to say that a view is covered
 constexpr int rows_apart = 4;          // of those that tell sharpness
+constexpr int edge_cells = 4;          // from the edge of a field of view, which is sharp whatever the focus
 constexpr int most_passes = 24;        // of a mask 1 2 1, each a Gaussian of variance 1/2
 constexpr int far = 4;                 // columns to each side
 
@@ -133,14 +134,16 @@ double ViewMeasures::covered_of(int flat_view) const {
 // How much neighbours differ, as a share of how much columns farther apart do, in a view that was blurred by so many passes
 // of 1 2 1 more. Noise is taken out.
 double ViewMeasures::sharpness(const MatchedViews& views, int view, int passes) {
-  const int columns = 2 * views.size().width;
   double fine = 0.0;
   double coarse = 0.0;
   int count = 0;
   for (int y = rows_apart / 2; y < views.size().height; y += rows_apart) {
+    const FieldOfView::Extent seen = views.field(view).extent(y, edge_cells);
+    const int columns = 2 * (seen.last - seen.first + 1);
+    if (columns <= 2 * far) continue;
     float* const row = row_.data();
     float* const other = row + columns;
-    std::copy_n(view == 0 ? views.left(y) : views.right(y), columns, row);
+    std::copy_n((view == 0 ? views.left(y) : views.right(y)) + 2 * seen.first, columns, row);
     for (int pass = 0; pass < passes; ++pass) {
       other[0] = row[0];
       other[columns - 1] = row[columns - 1];
@@ -148,7 +151,6 @@ double ViewMeasures::sharpness(const MatchedViews& views, int view, int passes) 
       std::copy_n(other, columns, row);
     }
     for (int x = far; x + far < columns; ++x) {
-      if (!views.sees(view, (x - far) / 2, y) || !views.sees(view, (x + far) / 2, y)) continue;
       const double near = static_cast<double>(row[x + 1] - row[x - 1]);
       const double wide = static_cast<double>(row[x + far] - row[x - far]);
       fine += near * near;
