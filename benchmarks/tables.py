@@ -34,7 +34,6 @@ DOCUMENTS = (
     "models/fast.md",
     "models/wang2020.md",
     "docs/numbers.md",
-    "docs/c-library.md",
     "docs/datasets/endosim-gi.md",
     "docs/model-file.md",
     "docs/trust.md",
@@ -84,21 +83,6 @@ RIGS = {
     "a da Vinci (f/w 0.96, 4.1 mm)": (0.96, 4.1),
     "a 3-D laparoscope (f/w 1.05, 4.8 mm)": (1.05, 4.8),
     "the paper's rig (f/w 0.42, 10 mm)": (0.42, 10.0),
-}
-
-# Pairs of the photometric consistency record, from good ones to those that no answer should come of.
-PAIRS = {
-    "right_pairs": "right pairs of `endosim-gi`",
-    "bad_light/a sixteenth of the light": "one of them with a sixteenth of the light",
-    "real_pairs/scared_rectified": "real porcine frame, rectified",
-    "wrong_pairs/both black": "both views black",
-    "wrong_pairs/right covered": "right camera covered",
-    "wrong_pairs/right frozen grey": "right view a uniform grey",
-    "wrong_pairs/twice the left": "the left view twice",
-    "real_twice_left/hamlyn_phantom": "the same of a raw phantom rig, whose lens maps make two pictures of it",
-    "wrong_pairs/views swapped": "views swapped",
-    "real_swapped/hamlyn_phantom": "the same of the phantom",
-    "wrong_pairs/right 12 rows off": "right view 12 rows off",
 }
 
 
@@ -194,17 +178,6 @@ def speed_table(runs: dict[str, str]) -> str:
         rows.append([marked, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{sgbm:.1f}"])
     heads = ["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99", "StereoSGBM, FPS"]
     return _table(heads, rows)
-
-
-def photometric_consistency_table() -> str:
-    """Share of pixels that `fast` answers, without and with the rule that both views must agree."""
-    found = _record("accuracy/photometric_consistency")["models"]["fast"]
-    rows = []
-    for place, label in PAIRS.items():
-        group, _, name = place.partition("/")
-        shares = found[group][name] if name else found[group]
-        rows.append([label, *(_percent(shares[f"valid_{rule}"]) for rule in ("without", "with"))])
-    return _table(["pair", "without this rule", "with it"], rows)
 
 
 def causes_table() -> str:
@@ -319,7 +292,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "edges-cycles": partial(edges_table, "accuracy/accuracy_cycles"),
     "middlebury": partial(parts_table, "accuracy/middlebury"),
     "speed": partial(speed_table, SPEEDS),
-    "photometric-consistency": photometric_consistency_table,
     "range-end": range_end_table,
     "arm-instructions": arm_instructions_table,
     "causes": causes_table,

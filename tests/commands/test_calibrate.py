@@ -67,7 +67,7 @@ def test_convert_writes_our_file_from_another_layout(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["missing.json"], "must exist"),
+        (["missing.json"], "that exists"),
         (["{rig}", "--size", "320x240"], "size: must agree with rig.json"),
         (["{rig}", "--size", "big"], "WIDTHxHEIGHT"),
         (["{rig}", "--layout", "matlab"], "layout: must be one of"),

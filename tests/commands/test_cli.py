@@ -99,7 +99,7 @@ def test_bad_input_is_one_line_and_status_2(tmp_path, capsys):
     path = write(tmp_path / "l.png", left)
     assert main(["predict", path, str(tmp_path / "missing.png"), "--model", str(TINY_MODEL)]) == 2
     printed = capsys.readouterr().err
-    assert printed.startswith("endosdk predict: frame: must be there")
+    assert printed.startswith("endosdk predict: frame: must be a file that exists")
     assert printed.count("\n") == 1
 
 

@@ -125,7 +125,7 @@ def test_verify_finds_what_changed_vanished_or_appeared(root: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda f: (f / "left.png").unlink(), "left.png must be there"),
+        (lambda f: (f / "left.png").unlink(), "left.png must be a file that exists"),
         (lambda f: (f / "right.png").write_bytes(b""), "right.png must be a picture"),
         (
             lambda f: (f / "left.png").write_bytes((f / "left.png").read_bytes()[:30]),

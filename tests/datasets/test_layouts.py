@@ -213,7 +213,7 @@ def test_pfm_that_is_cut_short_or_coloured_is_refused(tmp_path):
     data = (tmp_path / "a.pfm").read_bytes()
     (tmp_path / "short.pfm").write_bytes(data[:-1])
     (tmp_path / "colour.pfm").write_bytes(b"PF" + data[2:])
-    for name, rule in (("short", "must hold 2 x 3 numbers"), ("colour", "of one channel"), ("none", "must be there")):
+    for name, rule in (("short", "must hold 2 x 3 numbers"), ("colour", "of one channel"), ("none", "that exists")):
         with pytest.raises(DatasetInvalid, match=rule):
             read_pfm(tmp_path / f"{name}.pfm")
 

@@ -97,6 +97,12 @@ def test_missing_provider_is_an_error_that_says_what_is_installed(provider):
         StereoSession(read_model(TINY_MODEL), provider=provider)
 
 
+def test_a_missing_provider_says_nothing_of_models(caplog):
+    with pytest.raises(errors.ProviderUnavailable):
+        DepthEstimator("fast", provider="cuda")
+    assert caplog.messages == []
+
+
 def _fake_distribution(folder, name):
     info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
     info.mkdir()

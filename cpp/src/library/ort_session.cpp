@@ -29,7 +29,8 @@ std::string installed_provider(const Runtime& runtime, const std::string& wanted
   std::string short_names;
   for (const Provider& p : providers) short_names.append(short_names.empty() ? "" : ", ").append(p.name);
   require(std::find(available.begin(), available.end(), name) != available.end(), ENDO_PROVIDER_UNAVAILABLE, "provider",
-          Text("must be one of ", short_names, ", or a full name, and be installed here (installed: ", join(available), ")"),
+          Text("must be a part of the onnxruntime that is here (installed: ", join(available), "; short names: ",
+               short_names, ")"),
           name);
   return name;
 }

@@ -16,11 +16,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_session(parser, threads=2)
     parser.add_argument("--frames", type=int, default=300, help="frames timed, at least 25 for each thread")
     parser.add_argument("--warmup", type=int, default=20, help="frames before the clock starts")
-    parser.add_argument("--load", type=int, default=0, help="other processes that burden the cores meanwhile")
+    parser.add_argument("--load", type=int, default=0, help="other processes that keep the cores busy meanwhile")
     parser.add_argument(
         "--against", choices=["sgbm", "none"], default="sgbm", help="another method, timed in turns on the same frames"
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the figures there as JSON (default: nowhere)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the numbers there as JSON (default: nowhere)")
 
 
 def run(args: argparse.Namespace) -> int:

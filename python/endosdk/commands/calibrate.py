@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from endosdk.commands.board_pictures import add_board, calibrate_pictures
 from endosdk.commands.options import add_model, known_depths, parse_size, report_nearest_depths
@@ -20,10 +20,15 @@ if TYPE_CHECKING:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the ways to a rig file."""
     sources = parser.add_subparsers(dest="way", metavar="WAY", required=True)
-    convert = sources.add_parser("convert", help="read a calibration file, folder or (left, right) pair of files")
-    convert.add_argument("path", type=Path, nargs="+", help="OpenCV, ROS pair, Kalibr, text folder, or endosdk JSON")
+    convert = _way(sources, "convert", "print what a calibration file says, and write it in another layout")
     convert.add_argument(
-        "--size", metavar="WxH", help="picture size, where the layout holds none (default: what the file says)"
+        "path",
+        type=Path,
+        nargs="+",
+        help="one calibration file or folder, or two files: left and right, or cameras and extrinsics",
+    )
+    convert.add_argument(
+        "--size", metavar="WxH", help="picture size, where the file does not say it (default: what the file says)"
     )
     convert.add_argument("--layout", help="name of the layout (default: recognised from the content)")
     convert.add_argument("--units", help="mm, cm or m (default: the unit of the layout)")
@@ -34,17 +39,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="rig file to write: .json or .yaml; .opencv.yaml, .ros.yaml or .kalibr.yaml for other programs (default: "
         "none, the summary is printed only)",
     )
-    board = sources.add_parser("board", help="calibrate from pictures of a chessboard or a ChArUco board")
+    board = _way(sources, "board", "calibrate from pictures of a chessboard or a ChArUco board")
     add_board(board)
 
-    check = sources.add_parser("check", help="tell from frames of tissue whether a rig still fits its file")
-    refine = sources.add_parser("refine", help="correct a rig file from frames of tissue")
+    check = _way(sources, "check", "tell from frames of tissue whether a rig still fits its file")
+    refine = _way(sources, "refine", "correct a rig file from frames of tissue")
     for parser_of_frames in (check, refine):
         parser_of_frames.add_argument("rig", type=Path, help="rig file")
         add_source(parser_of_frames)
         add_model(parser_of_frames)
         parser_of_frames.add_argument("--frames", type=int, default=60, help="frames to look at, from the first on")
     refine.add_argument("--out", type=Path, metavar="FILE", required=True, help="rig file to write, .json or .yaml")
+
+
+def _way(sources: Any, name: str, summary: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = sources.add_parser(name, help=summary, description=summary)
+    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -15,22 +15,22 @@ from endosdk.commands.options import Parser
 from endosdk.errors import DependencyMissing, EndoError
 
 VERBS = {
-    "predict": "disparity and depth of one stereo pair, as files and a picture",
-    "batch": "disparity and depth of every pair of an archive, on one machine or a Ray cluster",
-    "view": "show depth of a video or camera in the browser as it is computed, and measure in it",
-    "run": "record depth of a whole video: lossless maps, a preview, a line on every frame",
-    "replay": "give back the frames and maps of a recording, as files or as a ROS bag",
-    "bench": "time a model on this machine, with its error and another method beside it",
+    "predict": "compute disparity and depth of one stereo pair, as files and a picture",
+    "batch": "compute disparity and depth of every pair of an archive, on one machine or a Ray cluster",
+    "view": "show depth of a video or camera live in the browser, and measure in it",
+    "run": "record depth of a whole video or camera: lossless maps, a preview, one line for each frame",
+    "replay": "write the frames and maps of a recording as files or as a ROS bag",
+    "bench": "time a model on this machine, check its error, and time another method beside it",
     "evaluate": "score a model on a data set with truth",
-    "calibrate": "calibrate a rig from board pictures, or convert a calibration file",
-    "doctor": "say what is installed, what is missing and what would be used",
+    "calibrate": "calibrate a rig from pictures of a board, convert a calibration file, or check a rig by tissue",
+    "doctor": "check this machine; with a rig or a pair, check that too",
     "simulate": "render endoscopic stereo pairs with exact truth",
     "train": "train a network on a data set",
     "export": "turn a trained network into a model file",
 }
 EXIT_STATUS = (
-    "exit status: 0 when the result can be used, 1 when it cannot or the verb found a fault, 2 for bad input or a "
-    "missing dependency"
+    "Exit status: 0 when the result can be used, 1 when it cannot or the verb found a fault, 2 for bad input or a "
+    "missing dependency."
 )
 COMPLETION = "--print-completion"
 

@@ -21,10 +21,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=Path,
         metavar=("LEFT", "RIGHT"),
-        help="also say what a pair is worth and what is wrong with it, after rectification where there is a"
-        " --calibration (default: none)",
+        help="also say how far a pair can be trusted and what is wrong with it (default: none)",
     )
-    add_calibration(parser)
+    add_calibration(parser, "also say how near each model sees on this rig, and rectify the --pair with it")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="how the set is laid out: endosdk, scared, servct, kitti, middlebury or plain",
     )
     parser.add_argument("--split", help="train or test (default: test, or the one whose truth is published)")
-    parser.add_argument("--pairs", type=int, help="only the first so many pairs (default: all)")
+    parser.add_argument("--pairs", type=int, help="use only this many pairs, from the first on (default: all)")
     add_session(parser)
     parser.add_argument(
         "--out",

@@ -21,13 +21,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--data",
         type=Path,
         metavar="DIR",
-        help="score the model on its test split, where parity frames come from too (default: the data of the run)",
+        help="set whose test split scores the model and compares it with the network (default: the data of the run)",
     )
     parser.add_argument(
         "--int8",
         type=Path,
         metavar="FILE",
-        help="write the form in 8-bit integers too, named for its file; ranges come from the data of the run"
+        help="also write the model in 8-bit integers, named after its file; ranges come from the run's data"
         " (default: not written)",
     )
     parser.add_argument(

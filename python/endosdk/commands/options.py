@@ -49,17 +49,16 @@ class Parser(argparse.ArgumentParser):
 
 def add_model(parser: argparse.ArgumentParser, *, others: str = "") -> None:
     """Add which model runs."""
-    parser.add_argument("--model", default="fast", help=f"shipped name, .onnx file{others}")
-
-
-def add_calibration(parser: argparse.ArgumentParser) -> None:
-    """Add the rig of raw pairs."""
     parser.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="rig of raw pictures (default: none; the pictures must be rectified already)",
+        "--model", default="fast", help=f"shipped name, such as fast or accurate, or .onnx file{others}"
     )
+
+
+def add_calibration(
+    parser: argparse.ArgumentParser, use: str = "rig file; without it the pictures must be rectified already"
+) -> None:
+    """Add the rig of raw pairs; ``use`` says what for."""
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help=f"{use} (default: none)")
 
 
 def known_depths(calibration: StereoCalibration) -> dict[str, float | None]:
@@ -96,7 +95,7 @@ def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, 
         metavar="WxH",
         help="size the network works at, such as 480x360 (default: what the model is made for)",
     )
-    parser.add_argument("--provider", default="cpu", help=f"what computes: {', '.join(_core.providers)}")
+    parser.add_argument("--provider", default="cpu", help=f"what computes the network: {', '.join(_core.providers)}")
     parser.add_argument(
         "--provider-option",
         action="append",
@@ -109,8 +108,8 @@ def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, 
 
 def add_processes(parser: argparse.ArgumentParser) -> None:
     """Add who does the tasks of a long job."""
-    parser.add_argument("--workers", type=int, default=1, help="processes that work at a time")
-    parser.add_argument("--ray", action="store_true", help="work on the Ray cluster of $RAY_ADDRESS, or a local one")
+    parser.add_argument("--workers", type=int, default=1, help="processes that work at the same time")
+    parser.add_argument("--ray", action="store_true", help="work on the Ray cluster of $RAY_ADDRESS, or on a local one")
 
 
 def session_options(args: argparse.Namespace) -> dict[str, Any]:
@@ -121,7 +120,7 @@ def session_options(args: argparse.Namespace) -> dict[str, Any]:
         "provider": args.provider,
         "provider_options": dict(options) or None,
         "threads": args.threads,
-        "network_size": parse_size(args.network_size) if args.network_size else None,
+        "network_size": parse_size(args.network_size, "network_size") if args.network_size else None,
     }
 
 

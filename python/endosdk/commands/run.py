@@ -15,10 +15,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_source(parser)
     add_estimator(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, help="folder, FILE.mkv, FILE.mcap or FILE.bag; what was begun there goes on"
+        "--out",
+        type=Path,
+        required=True,
+        help="folder, FILE.mkv, FILE.mcap or FILE.bag; a recording begun there is continued",
     )
-    parser.add_argument("--no-pictures", action="store_true", help="keep depth alone: replay then has no frames")
-    parser.add_argument("--frames", type=int, help="stop after so many (default: at the end of the source)")
+    parser.add_argument("--no-pictures", action="store_true", help="keep depth only; replay then has no frames")
+    parser.add_argument("--frames", type=int, help="stop after this many (default: at the end of the source)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -20,7 +20,9 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         help="folder with left and right, LEFT,RIGHT (folders or videos), a video, /dev/videoN, - (standard input), "
         "a recording, a ROS bag",
     )
-    parser.add_argument("--layout", choices=get_args(Layout), default="side-by-side", help="two views in one picture")
+    parser.add_argument(
+        "--layout", choices=get_args(Layout), default="side-by-side", help="how one picture holds two views"
+    )
     parser.add_argument(
         "--queue", choices=get_args(Queue), default="auto", help="auto: every frame of a file, the newest of a camera"
     )

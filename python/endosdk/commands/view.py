@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.epilog = (
-        "This is the one verb that opens a socket: on the loopback address alone, and only for who knows the "
-        "token in the address that it prints."
+        "This is the one verb that opens a socket. It listens on the loopback address alone, and answers only "
+        "those who know the token in the address that it prints."
     )
     add_source(parser)
     add_estimator(parser)
     parser.add_argument("--port", type=int, default=0, help="port on the loopback address (default: any that is free)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser of this desktop")
-    parser.add_argument("--paused", action="store_true", help="wait for play or step")
-    parser.add_argument("--recordings", type=Path, default=Path(), help="folder for what the record button writes")
+    parser.add_argument("--paused", action="store_true", help="start paused, until play or step is pressed")
+    parser.add_argument("--recordings", type=Path, default=Path(), help="folder into which the record button writes")
     parser.add_argument(
-        "--rerun", type=Path, metavar="FILE.rrd", help="also write everything for the viewer of Rerun (default: no)"
+        "--rerun", type=Path, metavar="FILE.rrd", help="also write a file for the viewer of Rerun (default: none)"
     )
 
 

@@ -39,7 +39,7 @@ def read_bounded(path: Path, limit: int) -> bytes:
                 raise Refused("must be a regular file", "a pipe, a socket or a device")
             data = stream.read(limit + 1)
     except FileNotFoundError as error:
-        raise Refused("must be there", "no such file") from error
+        raise Refused("must be a file that exists", "no such file") from error
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
         raise Refused("must be readable", getattr(error, "strerror", None) or error) from error
     if len(data) > limit:

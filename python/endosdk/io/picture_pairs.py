@@ -34,7 +34,8 @@ def _by_number(name: str, folder: Path) -> dict[tuple[int, ...], Path]:
             continue
         key = tuple(int(digits) for digits in re.findall(r"\d+", path.stem))
         if key in found:
-            raise InvalidArgument(name, "must hold pictures whose names differ in their numbers", (found[key], path))
+            two = f"{found[key].name} and {path.name} in {folder}"
+            raise InvalidArgument(name, "must hold pictures whose names differ in their numbers", two)
         found[key] = path
     if not found:
         raise InvalidArgument(name, f"must hold pictures ({', '.join(ENDINGS)})", str(folder))

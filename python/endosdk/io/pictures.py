@@ -22,7 +22,7 @@ def read_frame(path: str | Path) -> npt.NDArray[np.uint8]:
         # As deep as it is stored: OpenCV would otherwise cut 16 bits to 8, and with them most of a 12-bit camera's.
         picture = read_picture(path, "IMREAD_COLOR|IMREAD_ANYDEPTH")
     except Refused as error:
-        raise InvalidArgument("frame", error.rule, f"{error.value} in {str(path)!r}") from error
+        raise InvalidArgument("frame", error.rule, f"{error.value}: {str(path)!r}") from error
     if picture.dtype != np.uint8:
         raise InvalidArgument("frame", "must have 8 bits per channel", f"{picture.dtype} in {str(path)!r}")
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)

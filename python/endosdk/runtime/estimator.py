@@ -28,7 +28,7 @@ from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.result import DepthResult, Timings
 from endosdk.runtime.rig_error import rig_error
-from endosdk.runtime.session import StereoSession, checked_options, provider_name
+from endosdk.runtime.session import StereoSession, checked_options, installed_provider, load_runtime
 from endosdk.runtime.stream import Feeder, drawn_from
 
 # Lines about single frames are for hosts that set logging up; they must not fill a terminal unasked.
@@ -103,8 +103,9 @@ class DepthEstimator:
         )
         if calibration is None and tuple(depth_range_mm) != (0.0, math.inf):
             raise CalibrationRequired("depth_range_mm", _core.calibration_rule, "no calibration")
-        provider = provider_name(provider)
         options = checked_options(provider, provider_options)
+        # Before the model is read: which file that is, and what the log says of it, depends on the provider.
+        provider = installed_provider(provider, load_runtime(runtime_sha256))
         file = read_model(model, integer_units=not _core.wants_float32_model(provider))
         session = StereoSession(
             file,

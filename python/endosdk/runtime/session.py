@@ -116,7 +116,7 @@ class StereoSession:
         self.runtime_library = "" if file is None else str(file)
         self.runtime_sha256 = "" if file is None else runtime_file.sha256_of(file)
         self.provider_options = checked_options(provider, provider_options)
-        self.provider = _installed(provider_name(provider), self._runtime.get_available_providers())
+        self.provider = installed_provider(provider, self._runtime)
         _core.check_weights_are_inside(model.data, model.origin)
         options = _session_options(self._runtime, threads, spinning)
         self._is_reader = self.provider != _core.cpu_provider
@@ -277,10 +277,12 @@ def provider_name(provider: str) -> str:
     return _core.full_provider_name(provider)
 
 
-def _installed(name: str, available: list[str]) -> str:
+def installed_provider(provider: str, runtime: Any) -> str:
+    """Return the runtime's own name of a provider. Raises ProviderUnavailable where this runtime does not have it."""
+    name, available = provider_name(provider), runtime.get_available_providers()
     if name not in available:
         names, installed = ", ".join(_core.providers), ", ".join(available)
-        rule = f"must be one of {names}, or a full name, and be installed here (installed: {installed})"
+        rule = f"must be a part of the onnxruntime that is here (installed: {installed}; short names: {names})"
         raise ProviderUnavailable("provider", rule, name)
     return name
 

@@ -70,7 +70,7 @@ def _existing_paths(path: str | Path | Sequence[str | Path]) -> tuple[Path, ...]
     paths = tuple(Path(part) for part in parts)
     for part in paths:
         if not is_there(part):
-            raise CalibrationUnreadable("path", "must exist", part)
+            raise CalibrationUnreadable("path", "must be a file or folder that exists", part)
     if len(paths) == 2 and any(part.is_dir() for part in paths):
         raise InvalidArgument("path", "a pair must be two files", [str(part) for part in paths])
     return paths
