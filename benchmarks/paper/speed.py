@@ -44,7 +44,7 @@ def speeds(
         if key not in kept:
             print(f"timing a training step of {network}", file=sys.stderr)
             speed = config_gmacs(settings) / seconds_per_step(settings, device)
-            kept[key] = {"gmacs_per_s": round(speed, 2), "load": round(os.getloadavg()[0], 1)}
+            kept[key] = {"gmacs_per_s": float(f"{speed:.3g}"), "load": round(os.getloadavg()[0], 1)}
             write_json(file, kept)
         if network not in found and kept[key]["load"] > threads + 1 and not device.startswith("cuda"):
             load = f"load {kept[key]['load']} on {threads} threads"
