@@ -145,6 +145,26 @@ def trust_table(model: str) -> str:
     return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
 
 
+def fault_naming_table() -> str:
+    """How often a fault's cause was named, in clean pairs and in pairs that were spoilt before."""
+    record = _record("accuracy/fault_naming")
+    kinds = {name: found["pairs"] for name, found in record["datasets"].items()}
+
+    def of(counted: dict[str, int], kind: str) -> str:
+        return str(sum(count for name, count in counted.items() if kinds[name] == kind))
+
+    plain = record["without_fault"]
+    whole = {name: found["frames"] for name, found in plain.items()}
+    not_ok = {name: found["frames"] - found["status"].get("OK", 0) for name, found in plain.items()}
+    rows = [["none: frames that are not OK", *(of(not_ok, kind) for kind in ("clean", "spoilt"))]]
+    for fault, found in record["faults"].items():
+        named = {name: one["named"] for name, one in found["sets"].items()}
+        rows.append([fault, *(of(named, kind) for kind in ("clean", "spoilt"))])
+    label = _marked("fault", record["model_sha256"])
+    text = _table([label, *(f"of {of(whole, kind)} {kind} pairs" for kind in ("clean", "spoilt"))], rows)
+    return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
+
+
 def short_accuracy_table() -> str:
     """What a reader wants to know first: error of our 8-bit models and StereoSGBM on the test pairs."""
     scores = _record("accuracy/accuracy")["methods"]
@@ -295,6 +315,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "range-end": range_end_table,
     "arm-instructions": arm_instructions_table,
     "causes": causes_table,
+    "fault-naming": fault_naming_table,
     "reasons": reasons_table,
     "spoilt-files": spoilt_files_table,
     "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
