@@ -188,9 +188,10 @@ def sgbm_note(table: dict[str, Any], search: dict[str, Any]) -> str:
 def frames_note() -> str:
     """Say what the two protocols are."""
     return (
-        f"The paper's protocol: whole frames of {size(FRAME)}, 16 passes over 800 pairs in batches of one, RMSprop "
-        "from 1e-3 falling by one factor an epoch to 3e-5, the scale-invariant loss at both stages, planes up to and "
-        "including D, no augmentation, no warm-up, no limit of the gradient. The paper names neither batch nor factor. "
-        "Our protocol: 12800 crops of 512 x 256 in batches of four with strong augmentation, planes to 8 px before the "
-        "range of 72 px, a warm-up and a limit of the gradient, half the weight for the coarse map."
+        f"The paper's protocol sees whole frames of {size(FRAME)}, in 16 passes over 800 pairs and batches of one. "
+        "RMSprop starts at 1e-3 and falls by one factor an epoch to 3e-5. The loss is scale-invariant at both stages. "
+        "Planes go up to D, D included. There is no augmentation, no warm-up and no limit of the gradient. The paper "
+        "names neither batch nor factor. "
+        "Our protocol sees 12800 crops of 512 x 256 in batches of four, with strong augmentation. Planes end 8 px "
+        "before the range of 72 px. There is a warm-up and a limit of the gradient. The coarse map has half the weight."
     )

@@ -289,9 +289,9 @@ def _past_the_paper(record: dict[str, Any], bound: Bound) -> list[str]:
         f"The target for our best recipe of the same network: {TARGET_EPE_PX:.2f} px over all pixels of the test "
         "pairs. "
         f"{target_note(last, reached, bound)} Its layers "
-        "are those of the paper; from version 8 on it answers for 4 x 4 pixels, which the SDK upsamples, and from "
+        "are those of the paper. From version 8 on it answers for 4 x 4 pixels, which the SDK upsamples. From "
         "version 11 on a step without weights stands between matching and refinement. The phases are in "
-        "models/wang2020.md.",
+        "docs/history/models.md.",
         "",
     ]
     return [*lines, versions_table(versions)]
@@ -365,8 +365,8 @@ def _earlier(record: dict[str, Any]) -> list[str]:
         "## The ablations of the last report",
         "",
         f"They saw {crops(first['samples_seen'], first['crop'])} whatever the number of pairs, with strong "
-        "augmentation, the refinement on a ninth of each, and planes that end 8 px before the range: at 56, 48 and "
-        "40 px that alone costs 0.13, 0.64 and 2.1 px. The fourth volume had 900 training pairs, not the test pairs. "
+        "augmentation. The refinement saw a ninth of each. Planes ended 8 px before the range: at 56, 48 and 40 px "
+        "that alone costs 0.13, 0.64 and 2.1 px. The fourth volume had 900 training pairs, not the test pairs. "
         f"So their verdicts are withdrawn. Commit {record['machine']['commit']}, first {record['pairs']} test pairs.",
         "",
         "| figure | run | EPE, px |",
