@@ -9,6 +9,7 @@
 #include "bindings.hpp"
 #include "frame_path/network_size.hpp"
 #include "frame_path/simultaneity.hpp"
+#include "geometry/rig_rules.hpp"
 #include "geometry/stereo_rectify.hpp"
 #include "images/rectify.hpp"
 #include "images/same_view.hpp"
@@ -259,7 +260,7 @@ py::object rig_error_of(const py::array& disparity, const py::array& confidence,
   const Scale grid = {static_cast<double>(found.height) / views[0].height, static_cast<double>(found.width) / views[0].width};
   MatchedViews matched;
   RowDisparity rows;
-  matched.compare(found, views[0], views[1], {picture.first, picture.second}, grid);
+  matched.compare(found, views[0], views[1], {picture.first, picture.second}, grid, {});
   const PosePattern shape = {pattern[0], pattern[1], pattern[2], pattern[3], pattern[4], true};
   return pose_tuple(rows.measure(matched, sure, grid, {frame.second, frame.first}, shape));
 }
@@ -270,7 +271,7 @@ std::pair<double, double> coarse_match_of(const py::array& left, const py::array
   const float nowhere = 0.0f;
   MatchedViews matched;
   CoarseMatch match;
-  matched.compare({&nowhere, 1, 1}, views[0], views[1], {picture.first, picture.second}, {1.0 / views[0].height, 1.0 / views[0].width});
+  matched.compare({&nowhere, 1, 1}, views[0], views[1], {picture.first, picture.second}, {1.0 / views[0].height, 1.0 / views[0].width}, {});
   match.measure(matched);
   return {match.exchanged_gain(), match.rows_off()};
 }
@@ -297,6 +298,12 @@ void bind_settings(py::module_& m) {
 
 void bind_rectification(py::module_& m) {
   using py::arg;
+  m.def(
+      "check_field_of_view",
+      [](const Doubles& field, int width, int height, const std::string& name) {
+        check_field_of_view(numbers<4>(field, name.c_str()).data(), width, height, name.c_str());
+      },
+      arg("field"), arg("width"), arg("height"), arg("name"), "Refuse a field of view that is no ellipse in such a frame.");
   m.def("stereo_rectify", &stereo_rectify_arrays, arg("model"), arg("K1"), arg("D1"), arg("K2"), arg("D2"), arg("R"),
         arg("T"), arg("width"), arg("height"), arg("alpha"),
         "Rectifying rotations R1, R2 and projections P1, P2 of a rig, as OpenCV computes them.");

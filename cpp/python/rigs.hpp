@@ -10,12 +10,13 @@
 
 namespace endosdk {
 
-// model, width, height, matrix and distortion of the left camera and of the right one, rotation, translation
-using RigNumbers = std::tuple<std::string, int, int, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles>;
+// model, width, height, matrix and distortion of the left camera and of the right one, rotation, translation, field of view
+// of the left camera and of the right one
+using RigNumbers = std::tuple<std::string, int, int, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles>;
 
 inline Rig rig_of(const RigNumbers& given) {
-  const auto& [model, width, height, left_matrix, left_distortion, right_matrix, right_distortion, rotation, translation] =
-      given;
+  const auto& [model, width, height, left_matrix, left_distortion, right_matrix, right_distortion, rotation, translation,
+               left_field, right_field] = given;
   endo_calibration rig{};
   rig.struct_size = sizeof rig;
   rig.camera_model = model == "fisheye" ? ENDO_FISHEYE : ENDO_PINHOLE;
@@ -26,6 +27,8 @@ inline Rig rig_of(const RigNumbers& given) {
   copy(numbers<9>(right_matrix, "right_matrix"), rig.right_matrix);
   copy(numbers<9>(rotation, "rotation"), rig.rotation);
   copy(numbers<3>(translation, "translation"), rig.translation);
+  copy(numbers<4>(left_field, "left_field_of_view"), rig.left_field_of_view);
+  copy(numbers<4>(right_field, "right_field_of_view"), rig.right_field_of_view);
   const auto copy_distortion = [](const Doubles& values, const char* name, double* to) {
     require(values.size() <= 8, name, "must hold at most 8 coefficients", values.size());
     std::copy_n(values.data(), values.size(), to);

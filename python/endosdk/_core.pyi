@@ -143,6 +143,9 @@ def has_integer_units() -> bool:
 def network_size_of(width: int, height: int, inference_width: int) -> tuple[int, int]:
     """Return (width, height) at which the network sees a frame when the caller sets none."""
 
+def check_field_of_view(field: ArrayLike, width: int, height: int, name: str) -> None:
+    """Refuse a field of view, middle x, y and half axes x, y, that is no ellipse in a frame of this size, px."""
+
 def stereo_rectify(
     model: _Model | str,
     K1: ArrayLike,
@@ -222,7 +225,7 @@ def postprocess(fields: Mapping[str, Any], out: Mapping[str, Any]) -> int:
     reason; both need ``focal_px`` and ``baseline_mm``.
     """
 
-_Rig = tuple[str, int, int, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
+_Rig = tuple[str, int, int, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
 _OutputMaps = tuple[_Map, _Map, _Bytes, _Map | None, _Map | None]
 
 def nearest_depth_mm(rig: _Rig | tuple[Any, ...], max_candidate_disparity: int, inference_width: int) -> float:

@@ -88,6 +88,8 @@ class Calibration(Structure):
         ("right_distortion", c_double * 8),
         ("rotation", c_double * 9),
         ("translation", c_double * 3),
+        ("left_field_of_view", c_double * 4),
+        ("right_field_of_view", c_double * 4),
     ]
 
     @classmethod
@@ -104,6 +106,8 @@ class Calibration(Structure):
         for name in ("left_matrix", "right_matrix", "left_distortion", "right_distortion", "rotation", "translation"):
             for i, value in enumerate(getattr(rig, name).ravel()):
                 getattr(numbers, name)[i] = value
+        for name in ("left_field_of_view", "right_field_of_view"):
+            getattr(numbers, name)[:] = getattr(rig, name) or (0, 0, 0, 0)
         return numbers
 
 

@@ -25,6 +25,9 @@ RIGS = {
     "no rig": lambda: None,
     "raw": raw_rig,
     "fisheye": fisheye_rig,
+    "stated field of view": lambda: raw_rig(
+        left_field_of_view=(310, 230, 260, 220), right_field_of_view=(325.5, 240, 250, 235)
+    ),
     "rectified": lambda: endosdk.StereoCalibration.rectified(520.0, 4.5, (640, 480), doffs=3.5),
 }
 

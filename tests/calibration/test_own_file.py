@@ -18,13 +18,18 @@ from endosdk.errors import (
     StorageFailed,
 )
 from tests.calibration.rig_files import RIG, load
-from tests.rigs import fisheye_rig
+from tests.rigs import fisheye_rig, raw_rig
 
 
 @pytest.mark.parametrize(
     "rig",
-    [RIG, fisheye_rig(), StereoCalibration.rectified(700.1, 4.2, (640, 480), doffs=1 / 3)],
-    ids=["raw", "fisheye", "rectified"],
+    [
+        RIG,
+        fisheye_rig(),
+        raw_rig(right_field_of_view=(320, 1 / 3, 300.5, 250)),
+        StereoCalibration.rectified(700.1, 4.2, (640, 480), doffs=1 / 3),
+    ],
+    ids=["raw", "fisheye", "field of view", "rectified"],
 )
 def test_own_file_round_trips_exactly(tmp_path: Path, rig: StereoCalibration) -> None:
     rig.save(tmp_path / "rig.json")
@@ -48,6 +53,9 @@ def test_save_wants_a_file_name(path: Any) -> None:
         RIG.save(path)
 
 
+FIELD_IN_SHARES = {"matrix": RIG.left_matrix.tolist(), "distortion": [], "field_of_view": [0.5, 0.5, 0.4, 0.4]}
+
+
 def edited(tmp_path: Path, **changes: Any) -> Path:
     """Save the rig and replace single entries of the JSON; None removes one."""
     path = tmp_path / "rig.json"
@@ -66,6 +74,7 @@ def edited(tmp_path: Path, **changes: Any) -> Path:
         ({"left": None}, CalibrationUnreadable, "left"),
         ({"left": [1]}, CalibrationUnreadable, "matrix and distortion"),
         ({"left": {"matrix": 1}}, CalibrationUnreadable, "distortion"),
+        ({"left": FIELD_IN_SHARES}, InvalidCalibration, "rig.json: left_field_of_view: must be middle x, y and half"),
         ({"rotation": "turn"}, InvalidCalibration, "rig.json: rotation"),
         ({"translation": [4.6, 0, 0]}, InvalidCalibration, "swapped"),
         ({"rotation": [[float("nan")] * 3] * 3}, InvalidCalibration, "finite"),

@@ -46,6 +46,11 @@ BAD_FIELDS: list[tuple[str, Any, str]] = [
     ("translation", [-4.6, np.nan, 0.0], "finite"),
     ("translation", [-4.6, 0.0], "shape"),
     ("model", "omni", "pinhole, fisheye"),
+    ("left_field_of_view", (320.0, 240.0, 200.0), "shape"),
+    ("left_field_of_view", (320.0, 240.0, np.nan, 200.0), "finite"),
+    ("right_field_of_view", (0.5, 0.4, 0.4, 0.4), "at least a twentieth"),
+    ("right_field_of_view", (320.0, 240.0, -200.0, 200.0), "at least a twentieth"),
+    ("left_field_of_view", (320.0, -240.0, 200.0, 200.0), "reach into the frame, 640x480"),
 ]
 
 
@@ -113,7 +118,9 @@ def test_sha256_is_the_same_in_another_process() -> None:
     assert done.stdout.strip() == raw_rig().sha256
 
 
-@pytest.mark.parametrize("change", ["width", "left_matrix", "right_distortion", "rotation", "translation", "model"])
+@pytest.mark.parametrize(
+    "change", ["width", "left_matrix", "right_distortion", "rotation", "translation", "model", "left_field_of_view"]
+)
 def test_sha256_depends_on_every_field(change: str) -> None:
     new: dict[str, Any] = {
         "width": 641,
@@ -122,6 +129,7 @@ def test_sha256_depends_on_every_field(change: str) -> None:
         "rotation": np.eye(3),
         "translation": np.array([-4.7, 0.12, 0.31]),
         "model": "fisheye",
+        "left_field_of_view": (320, 240, 250, 250),
     }
     base = raw_rig(left_distortion=np.zeros(4), right_distortion=np.full(4, 0.01))
     changed = raw_rig(**{"left_distortion": np.zeros(4), "right_distortion": np.full(4, 0.01), change: new[change]})
@@ -294,6 +302,15 @@ def test_cropping_shifts_the_centre_only(of_geometry: bool) -> None:
     cropped: Any = rig.rectification().cropped(*window) if of_geometry else rig.cropped(*window).rectification()
     assert (cropped.cx, cropped.cy, cropped.doffs, cropped.focal_px) == (260.5, 170.0, 12.0, 700.0)
     assert (cropped.width, cropped.height) == (500, 400)
+
+
+def test_the_field_of_view_is_scaled_and_cropped_with_the_picture() -> None:
+    rig = raw_rig(left_field_of_view=(319.5, 240, 250, 240))
+    assert rig.scaled(320, 960).left_field_of_view == (159.5, 480.5, 125, 480)
+    assert rig.cropped(40, 30, 500, 400).left_field_of_view == (279.5, 210, 250, 240)
+    assert rig.turned((0.1, 0, 0)).left_field_of_view == rig.left_field_of_view
+    assert rig.cropped(40, 30, 500, 400).right_field_of_view is None
+    assert raw_rig(left_field_of_view=(0, 0, 0, 0)) == raw_rig()
 
 
 def test_scaling_a_raw_rig_scales_its_projection() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -10,8 +11,10 @@ import pytest
 
 import endosdk
 from endosdk import Cause, Reason, Status, _core
+from endosdk.measure import rectified_to_raw
 from tests.conftest import TINY_MODEL, shifted_pair
 from tests.reference import resampling, view_measures
+from tests.rigs import raw_rig
 
 SIZE = (180, 240)
 
@@ -148,6 +151,44 @@ def test_a_circle_is_found_and_nothing_outside_is_valid(estimator, x, y, radius)
     assert twin[inside].mean() > 0.98
     deep = cv2.erode((twin & inside).astype(np.uint8), np.ones((9, 25))) > 0
     assert (result.reasons[deep] == 0).mean() > 0.85
+
+
+STATED = {"left_field_of_view": (300, 250, 250, 210), "right_field_of_view": (330, 240, 260, 220)}
+STATED_RIGS = {
+    "raw": raw_rig(**STATED),
+    "rectified": replace(endosdk.StereoCalibration.rectified(520.0, 4.5, (640, 480)), **STATED),
+    "moved": replace(endosdk.StereoCalibration.rectified(520.0, 4.5, (640, 480), doffs=8.0), **STATED),
+}
+
+
+@pytest.mark.parametrize("name", STATED_RIGS)
+def test_the_field_of_view_that_the_rig_states_is_taken(name):
+    """In pictures that show tissue everywhere, and in which none would be found."""
+    rig = STATED_RIGS[name]
+    pair = shifted_pair(480, 640, 12)
+    small: Any = {"network_size": (320, 240)}
+    with endosdk.DepthEstimator(TINY_MODEL, calibration=rig, **small) as estimator:
+        reasons = estimator.predict(*pair).reasons
+    with endosdk.DepthEstimator(TINY_MODEL, calibration=replace(rig, **dict.fromkeys(STATED)), **small) as estimator:
+        assert not (estimator.predict(*pair).reasons & Reason.OUTSIDE_VIEW).any()
+    rows, columns = 4.0 * np.indices((120, 160))
+    raw = rectified_to_raw(rig, np.stack([columns, rows], axis=2))
+    x, y, across, down = STATED["left_field_of_view"]
+    depth = (1 - np.hypot((raw[..., 0] - x) / across, (raw[..., 1] - y) / down)) * down  # px inside, about
+    outside = (reasons[::4, ::4] & Reason.OUTSIDE_VIEW) != 0
+    assert outside[depth < -4].all() and not outside[depth > 8].any()
+
+
+def test_a_stated_field_of_the_right_view_takes_what_it_does_not_show():
+    field = (240, 180, 130, 150)
+    rig = endosdk.StereoCalibration.rectified(520.0, 4.5, (480, 360))
+    pair = shifted_pair(360, 480, 12)
+    with endosdk.DepthEstimator(TINY_MODEL, calibration=replace(rig, right_field_of_view=field)) as estimator:
+        reasons = estimator.predict(*pair).reasons
+    rows, columns = np.indices((360, 480))
+    depth = (1 - np.hypot((columns - 12 - field[0]) / field[2], (rows - field[1]) / field[3])) * field[2]
+    missing = (reasons & Reason.OUTSIDE_OVERLAP) != 0
+    assert missing[depth < -8].mean() > 0.95 and missing[depth > 12].mean() < 0.05
 
 
 @pytest.mark.parametrize("sigma", [0.0, 2.0])

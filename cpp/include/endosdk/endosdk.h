@@ -183,6 +183,10 @@ typedef struct endo_calibration {
     double right_distortion[8];
     double rotation[9];
     double translation[3];            /* mm; x is negative: the right camera is on the right */
+    /* The ellipses that the optics fill: middle x, y and half axes along x and y, px of the raw frame. All 0: found in
+       each picture. */
+    double left_field_of_view[4];
+    double right_field_of_view[4];
 } endo_calibration;
 
 /* Of the pictures that maps belong to: depth = focal_px * baseline_mm / (disparity + doffs). */

@@ -1,5 +1,8 @@
 #include "frame_path/rectify_stage.hpp"
 
+#include <cmath>
+#include <vector>
+
 #include "platform/errors.hpp"
 
 namespace endosdk {
@@ -38,6 +41,9 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
   require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", text(frame));
   require(rig == nullptr || same(rig->size(), frame), ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",
           Text("must be for frames of ", text(frame)), text(rig != nullptr ? rig->size() : Size()));
+  if (rig != nullptr) {
+    for (const bool right : {false, true}) place_field(*rig, right);
+  }
   const bool resized = !same(picture_, frame_);
   if (!moves_ && !resized) return;
   const Rig source = moves_ ? *rig : Rig::identity(frame);
@@ -47,6 +53,25 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
   checkpoint();
   if (moves_ && resized) full_.emplace(source.rectifier(geometry, border));
   checkpoint();
+}
+
+// The cells of the picture whose middle the optics of the view fill.
+void RectifyStage::place_field(const Rig& rig, bool right) {
+  const double* const field = rig.field_of_view(right);
+  if (field == nullptr) return;
+  const RectifiedGeometry seen = moved(rig.geometry(), right_shift_, negative(corrected_)).scaled(picture_);
+  const SourceMap map(rig.view(right, seen));
+  const Size cells = MatchedViews::cells_of(picture_);
+  const double cell = 2.0 * MatchedViews::unit_of(picture_);
+  std::vector<uint8_t> inside;
+  inside.reserve(static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height));
+  for (int y = 0; y < cells.height; ++y) {
+    for (int x = 0; x < cells.width; ++x) {
+      const Point raw = map.at((x + 0.5) * cell - 0.5, (y + 0.5) * cell - 0.5).pixel;
+      inside.push_back(std::hypot((raw.x - field[0]) / field[2], (raw.y - field[1]) / field[3]) <= 1.0 ? 1 : 0);
+    }
+  }
+  fields_[right ? 1 : 0].emplace().take(inside, cells);
 }
 
 void RectifyStage::operator()(const ImageView& left, const ImageView& right, const PlanarView& out_left,

@@ -8,6 +8,7 @@
 #include "images/rectify.hpp"
 #include "geometry/pose_error.hpp"
 #include "geometry/rig.hpp"
+#include "maps/matched_views.hpp"
 
 namespace endosdk {
 
@@ -35,6 +36,9 @@ class RectifyStage {
   // The same, as it follows from the rig; null: none.
   static double right_shift_of(const Rig* rig);
 
+  // Of view of left and right, as the rig states them; null where it does not.
+  MatchedViews::Fields fields() const { return {fields_[0] ? &*fields_[0] : nullptr, fields_[1] ? &*fields_[1] : nullptr}; }
+
   // Masks of the frame's size; null when every pixel is valid.
   const uint8_t* valid_left() const { return masks() ? masks()->valid_left().data() : nullptr; }
   const uint8_t* valid_right() const { return masks() ? masks()->valid_right().data() : nullptr; }
@@ -46,6 +50,8 @@ class RectifyStage {
     return moves_ && rectifier_ ? &*rectifier_ : nullptr;
   }
 
+  void place_field(const Rig& rig, bool right);
+
   Size frame_;
   Size picture_;
   PoseVector corrected_{};
@@ -53,6 +59,7 @@ class RectifyStage {
   bool moves_ = false;  // whether pixels come to lie elsewhere, other than by resizing
   std::optional<Rectifier> rectifier_;
   std::optional<Rectifier> full_;
+  std::optional<FieldOfView> fields_[2];
 };
 
 }  // namespace endosdk

@@ -141,6 +141,7 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.upsampling = model_.upsampling;
   in.left = buffers_.left();
   in.right = buffers_.right();
+  in.fields = stage_->fields();
   in.right_shift = stage_->right_shift();
   in.valid_left = stage_->valid_left();
   in.valid_right = stage_->valid_right();

@@ -138,6 +138,11 @@ Rig Rig::identity(Size size) { return Rig(identity_numbers(size)); }
 
 RectifiedGeometry Rig::geometry(double alpha) const { return rectified_geometry(numbers_, is_rectified_, alpha); }
 
+const double* Rig::field_of_view(bool right) const {
+  const double* const field = right ? numbers_.right_field_of_view : numbers_.left_field_of_view;
+  return states_field(field) ? field : nullptr;
+}
+
 ViewGeometry Rig::view(bool right, const RectifiedGeometry& target) const {
   const Rectification& views = target.views;
   if (right) return {camera(numbers_, true), views.right_rotation, views.right_projection};

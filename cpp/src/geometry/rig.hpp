@@ -41,6 +41,9 @@ class Rig {
   // The same with another alpha than 0, which the frame path takes; a rectified rig has one geometry only.
   RectifiedGeometry geometry(double alpha) const;
 
+  // Where the optics of a view fill the raw frame: middle x, y and half axes x, y, px; null where it is not stated.
+  const double* field_of_view(bool right) const;
+
   // One camera, and what its view is turned into.
   ViewGeometry view(bool right, const RectifiedGeometry& target) const;
 

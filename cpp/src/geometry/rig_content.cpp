@@ -1,5 +1,6 @@
 #include "geometry/rig_content.hpp"
 
+#include "geometry/rig_rules.hpp"
 #include "platform/json.hpp"
 
 namespace endosdk {
@@ -17,8 +18,11 @@ std::string matrix(const double* values) {
   return text.append("]");
 }
 
-std::string camera(const double* k, const double* distortion, int count) {
-  return JsonObject().raw("distortion", list(distortion, count)).raw("matrix", matrix(k)).done();
+std::string camera(const double* k, const double* distortion, int count, const double* field_of_view) {
+  JsonObject content;
+  content.raw("distortion", list(distortion, count));
+  if (states_field(field_of_view)) content.raw("field_of_view", list(field_of_view, 4));
+  return content.raw("matrix", matrix(k)).done();
 }
 
 }  // namespace
@@ -27,9 +31,9 @@ std::string rig_content(const endo_calibration& rig) {
   // Keys in alphabetical order.
   return JsonObject()
       .raw("height", std::to_string(rig.height))
-      .raw("left", camera(rig.left_matrix, rig.left_distortion, rig.left_distortion_count))
+      .raw("left", camera(rig.left_matrix, rig.left_distortion, rig.left_distortion_count, rig.left_field_of_view))
       .text("model", rig.camera_model == ENDO_FISHEYE ? "fisheye" : "pinhole")
-      .raw("right", camera(rig.right_matrix, rig.right_distortion, rig.right_distortion_count))
+      .raw("right", camera(rig.right_matrix, rig.right_distortion, rig.right_distortion_count, rig.right_field_of_view))
       .raw("rotation", matrix(rig.rotation))
       .raw("translation", list(rig.translation, 3))
       .text("units", "mm")

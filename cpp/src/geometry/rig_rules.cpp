@@ -1,5 +1,6 @@
 #include "geometry/rig_rules.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "geometry/linear.hpp"
@@ -11,8 +12,11 @@ namespace {
 // Files print rotations with four or more decimals. An error of 1e-4 moves a point 1000 px off the axis by 0.1 px.
 constexpr double orthonormal_tolerance = 1e-4;
 
-template <typename Value>
-void require_rig(bool holds, const char* argument, const char* rule, const Value& value) {
+// Of the frame's width and height. Smaller ones are stated in another unit, such as shares of the width.
+constexpr double least_half_axis = 0.05;
+
+template <typename Rule, typename Value>
+void require_rig(bool holds, const char* argument, const Rule& rule, const Value& value) {
   require(holds, ENDO_INVALID_CALIBRATION, argument, rule, value);
 }
 
@@ -62,6 +66,21 @@ void check_translation(const double* t) {
 
 }  // namespace
 
+bool states_field(const double* field) {
+  return std::any_of(field, field + 4, [](double value) { return value != 0.0; });
+}
+
+void check_field_of_view(const double* field, int width, int height, const char* argument) {
+  check_finite(field, 4, argument);
+  if (!states_field(field)) return;
+  const Text seen(field[0], ", ", field[1], ", ", field[2], ", ", field[3]);
+  const bool large = field[2] >= least_half_axis * width && field[3] >= least_half_axis * height;
+  require_rig(large, argument, "must be middle x, y and half axes x, y in px, half axes at least a twentieth of the frame's sides", seen);
+  const auto reaches = [](double middle, double half, int side) { return middle + half > 0.0 && middle - half < side - 1.0; };
+  require_rig(reaches(field[0], field[2], width) && reaches(field[1], field[3], height), argument,
+              Text("must reach into the frame, ", width, "x", height), seen);
+}
+
 void check_rig(const endo_calibration& rig) {
   require_rig(rig.camera_model == ENDO_PINHOLE || rig.camera_model == ENDO_FISHEYE, "camera_model",
               "must be ENDO_PINHOLE or ENDO_FISHEYE", rig.camera_model);
@@ -72,6 +91,8 @@ void check_rig(const endo_calibration& rig) {
   check_matrix(rig.right_matrix, "right_matrix");
   check_distortion(rig.left_distortion, rig.left_distortion_count, fisheye, "left_distortion");
   check_distortion(rig.right_distortion, rig.right_distortion_count, fisheye, "right_distortion");
+  check_field_of_view(rig.left_field_of_view, rig.width, rig.height, "left_field_of_view");
+  check_field_of_view(rig.right_field_of_view, rig.width, rig.height, "right_field_of_view");
   check_rotation(rig.rotation);
   check_translation(rig.translation);
 }

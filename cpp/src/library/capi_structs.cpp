@@ -20,7 +20,7 @@ constexpr size_t first_calibration = 392;
 constexpr size_t first_geometry = 48;
 constexpr size_t first_image = 32;
 constexpr size_t first_result = 120;
-static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) == first_calibration &&
+static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) >= first_calibration &&
               sizeof(endo_geometry) == first_geometry && sizeof(endo_image) == first_image &&
               sizeof(endo_result) >= first_result);
 

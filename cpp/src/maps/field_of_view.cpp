@@ -61,20 +61,8 @@ int spread(Size size, std::vector<int32_t>& stack, std::vector<uint8_t>& marks, 
 }  // namespace
 
 void FieldOfView::find(const float* levels, Size cells) {
-  size_ = cells;
-  is_part_ = false;
-  share_ = 1.0;
-  const size_t count = static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height);
-  // All memory before any way out, so that the first frame takes what later ones need.
-  mark_.assign(count, unseen);
-  inside_.resize(count);
-  stack_.clear();
-  stack_.reserve(count);
-  steps_.clear();
-  steps_.reserve(4 * count);
-  extents_.resize(static_cast<size_t>(cells.height));
-  hull_.reserve(static_cast<size_t>(cells.height));
-  if (count == 0) return;
+  make_room(cells);
+  if (inside_.empty()) return;
   int border = 0;
   for_border(cells, [&](int at) {
     ++border;
@@ -84,9 +72,30 @@ void FieldOfView::find(const float* levels, Size cells) {
   const float base = median(steps_);
   fill_from_border(levels, base + evenness);
   if (!ends_at_an_edge(levels, base) || !find_largest_part()) return;
-  straighten(-1);
-  straighten(1);
-  write();
+  is_part_ = write() <= 1.0 - least_outside;
+}
+
+void FieldOfView::take(const std::vector<uint8_t>& inside, Size cells) {
+  make_room(cells);
+  std::transform(inside.begin(), inside.end(), mark_.begin(), [](uint8_t cell) { return cell != 0 ? largest_part : outside; });
+  find_extents(largest_part);
+  is_part_ = write() < 1.0;
+}
+
+// All of it, so that the first frame takes what later ones need.
+void FieldOfView::make_room(Size cells) {
+  size_ = cells;
+  is_part_ = false;
+  share_ = 1.0;
+  const size_t count = static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height);
+  mark_.assign(count, unseen);
+  inside_.resize(count);
+  stack_.clear();
+  stack_.reserve(count);
+  steps_.clear();
+  steps_.reserve(4 * count);
+  extents_.resize(static_cast<size_t>(cells.height));
+  hull_.reserve(static_cast<size_t>(cells.height));
 }
 
 FieldOfView::Extent FieldOfView::extent(int y, int from_edge) const {
@@ -151,17 +160,21 @@ bool FieldOfView::find_largest_part() {
   mark_[static_cast<size_t>(start)] = largest_part;
   stack_.push_back(start);
   spread(size_, stack_, mark_, largest_part, [](int) { return true; });
+  find_extents(largest_part);
+  return true;
+}
+
+void FieldOfView::find_extents(uint8_t mark) {
   for (int y = 0; y < size_.height; ++y) {
     const uint8_t* const row = mark_.data() + static_cast<ptrdiff_t>(y) * size_.width;
     Extent& extent = extents_[static_cast<size_t>(y)];
     extent = {size_.width, -1};
     for (int x = 0; x < size_.width; ++x) {
-      if (row[x] != largest_part) continue;
+      if (row[x] != mark) continue;
       extent.first = std::min(extent.first, x);
       extent.last = x;
     }
   }
-  return true;
 }
 
 // Takes away the dents of one side, -1: left, 1: right: rows between two others reach at least as far as the line that
@@ -199,7 +212,9 @@ void FieldOfView::straighten(int side) {
   }
 }
 
-void FieldOfView::write() {
+double FieldOfView::write() {
+  straighten(-1);
+  straighten(1);
   int64_t count = 0;
   for (int y = 0; y < size_.height; ++y) {
     const Extent& extent = extents_[static_cast<size_t>(y)];
@@ -207,8 +222,8 @@ void FieldOfView::write() {
     for (int x = 0; x < size_.width; ++x) row[x] = x >= extent.first && x <= extent.last ? 1.0f : 0.0f;
     count += std::max(0, extent.last - extent.first + 1);
   }
-  share_ = static_cast<double>(count) / static_cast<double>(inside_.size());
-  is_part_ = share_ <= 1.0 - least_outside;
+  share_ = static_cast<double>(std::max<int64_t>(1, count)) / static_cast<double>(inside_.size());
+  return share_;
 }
 
 }  // namespace endosdk

@@ -1,4 +1,4 @@
-// The part of a view that the optics fill, found in the picture itself.
+// The part of a view that the optics fill, found in the picture itself or stated by the rig.
 //
 // Around a circle, an octagon or bars lies an even dark, joined to the border, that ends at an edge. Dark tissue fades: no
 // edge, no field. A field of view has no dents, so tissue as dark as its surroundings is taken back into it.
@@ -25,6 +25,9 @@ class FieldOfView {
   // `levels` are grey levels of cells, row by row.
   void find(const float* levels, Size cells);
 
+  // Takes it from a mask of cells, row by row, without dents; not 0: inside.
+  void take(const std::vector<uint8_t>& inside, Size cells);
+
   // Whether it leaves anything out.
   bool is_part() const { return is_part_; }
 
@@ -37,15 +40,17 @@ class FieldOfView {
   // 1 for cells inside and 0 for others.
   FloatView map() const { return {inside_.data(), size_.width, size_.height}; }
 
-  // Of all cells.
+  // Of all cells; never 0.
   double share() const { return share_; }
 
  private:
+  void make_room(Size cells);
   void fill_from_border(const float* levels, float most);
   bool ends_at_an_edge(const float* levels, float base);
   bool find_largest_part();
+  void find_extents(uint8_t mark);
   void straighten(int side);
-  void write();
+  double write();
 
   Size size_;
   bool is_part_ = false;

@@ -51,11 +51,19 @@ double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView&
 
 }  // namespace
 
+int MatchedViews::unit_of(Size picture) { return std::max(1, (picture.width + columns / 2) / columns); }
+
+Size MatchedViews::cells_of(Size picture) {
+  const int cell = 2 * unit_of(picture);
+  const Size cells = {picture.width / cell, picture.height / cell};
+  return cells.width == 0 || cells.height == 0 ? Size() : cells;
+}
+
 void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture,
-                           Scale grid) {
-  unit_ = std::max(1, (picture.width + columns / 2) / columns);
-  cells_ = {picture.width / (2 * unit_), picture.height / (2 * unit_)};
-  if (cells_.width == 0 || cells_.height == 0) cells_ = {};
+                           Scale grid, const Fields& known) {
+  unit_ = unit_of(picture);
+  cells_ = cells_of(picture);
+  known_ = known;
   const size_t cells = count_of(cells_);
   for (auto& plane : brightness_) plane.resize(2 * cells);
   for (auto& plane : levels_) plane.resize(cells);
@@ -91,7 +99,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   parallel_for(2, 1, [&](int begin, int end, int) {
     for (int i = begin; i < end; ++i) {
       find_field(i);
-      *noise[i] = noise_of(*views[i], cells_, unit_, fields_[i]);
+      *noise[i] = noise_of(*views[i], cells_, unit_, field(i));
     }
   });
   place(disparity, grid);
@@ -133,13 +141,13 @@ void MatchedViews::place(const FloatView& disparity, Scale grid) {
   const auto place_of = [this](int cell, double scale, int count) {
     return std::min(static_cast<int>((2 * cell + 1) * unit_ * scale), count - 1);
   };
-  const bool whole_right = !fields_[1].is_part();
+  const bool whole_right = !field(1).is_part();
   const float columns_per_pixel = 1.0f / static_cast<float>(unit_);
   for (int y = -1; y <= cells_.height; ++y) {
     const int row = std::clamp(y, 0, cells_.height - 1);
     const int from = place_of(row, grid.y, disparity.height);
-    const FieldOfView::Extent left = fields_[0].extent(row, edge_cells);
-    const FieldOfView::Extent right = fields_[1].extent(row, edge_cells);
+    const FieldOfView::Extent left = field(0).extent(row, edge_cells);
+    const FieldOfView::Extent right = field(1).extent(row, edge_cells);
     const float* const source = disparity.data + static_cast<ptrdiff_t>(from) * disparity.width;
     float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + 1) * stride;
     for (int x = 0; x < cells_.width; ++x) {
@@ -164,7 +172,7 @@ void MatchedViews::find_field(int view) {
   std::vector<float>& levels = levels_[view];
   const float* const columns_of_view = brightness_[view].data();
   for (size_t i = 0; i < levels.size(); ++i) levels[i] = 0.5f * (columns_of_view[2 * i] + columns_of_view[2 * i + 1]);
-  fields_[view].find(levels.data(), cells_);
+  if (known_[static_cast<size_t>(view)] == nullptr) found_[view].find(levels.data(), cells_);
 }
 
 void MatchedViews::sum_up() {
@@ -184,7 +192,7 @@ void MatchedViews::sum_up() {
   mean_correlation_ = textured > 0 ? sum / textured : 0.0;
   const double variance = textured > 0 ? std::max(0.0, squares / textured - mean_correlation_ * mean_correlation_) : 1.0;
   most_correlation_ = mean_correlation_ + one_in_a_thousand * std::sqrt(variance / windows);
-  textured_share_ = textured / (fields_[0].share() * static_cast<double>(correlation_.size()));
+  textured_share_ = textured / (field(0).share() * static_cast<double>(correlation_.size()));
 }
 
 }  // namespace endosdk

@@ -5,6 +5,7 @@
 // 480 wide, 4 x 4 of one of 960. Brightness has twice as many columns, since matches lie between cells.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "images/image.hpp"
@@ -19,9 +20,17 @@ class MatchedViews {
  public:
   static constexpr int columns = 480;  // of brightness, about
 
+  // Fields of view that are known, left and right; null: found in the picture.
+  using Fields = std::array<const FieldOfView*, 2>;
+
+  // Grid of a picture, and pixels per column of brightness.
+  static Size cells_of(Size picture);
+  static int unit_of(Size picture);
+
   // `picture` is the part of both views that is no padding; `grid` counts grid cells of the disparity, in pixels of the
   // views, per pixel.
-  void compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture, Scale grid);
+  void compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture, Scale grid,
+               const Fields& known);
 
   // Cells; none where the picture is too small for one.
   Size size() const { return cells_; }
@@ -39,8 +48,11 @@ class MatchedViews {
 
   // Grey levels of cells, and whether they lie in the field of view.
   const float* levels(int view, int y) const { return levels_[view].data() + static_cast<ptrdiff_t>(y) * cells_.width; }
-  bool sees(int view, int x, int y) const { return !fields_[view].is_part() || fields_[view].inside(x, y); }
-  const FieldOfView& field(int view) const { return fields_[view]; }
+  bool sees(int view, int x, int y) const { return !field(view).is_part() || field(view).inside(x, y); }
+  const FieldOfView& field(int view) const {
+    const FieldOfView* const known = known_[static_cast<size_t>(view)];
+    return known != nullptr ? *known : found_[view];
+  }
 
   // Per cell: disparity in columns, not a number where it is not compared: outside a field of view, at its edge, or matched with
   // what lies there; correlation of the views around it, not a number where there is nothing to compare; and the share of the
@@ -71,7 +83,8 @@ class MatchedViews {
   double mean_correlation_ = 0.0;
   double most_correlation_ = 0.0;
   double textured_share_ = 0.0;
-  FieldOfView fields_[2];
+  Fields known_{};
+  FieldOfView found_[2];
   std::vector<float> levels_[2];  // of cells
   std::vector<float> brightness_[2];
   std::vector<float> disparity_;  // with a cell more on every side

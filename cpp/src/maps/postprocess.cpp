@@ -124,7 +124,7 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   FloatView confidence = input.confidence;
   if (input.right.data != nullptr) {
     const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
-    scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells);
+    scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells, input.fields);
     scratch.measures.measure(scratch.views, picture_of(input).width);
     if (input.pattern.focal_x > 0.0) {
       scratch.rows.measure(scratch.views, input.confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);

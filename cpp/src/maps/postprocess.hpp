@@ -40,6 +40,7 @@ struct PostprocessInput {
   PlanarView left;  // as the network saw it, for saturation and to guide the upsampling; no data: neither
   PlanarView right;  // of the same size; no data: photometric consistency is not tested
   Scale view_scale;  // pixels of those views per output pixel; each output pixel takes the nearest
+  MatchedViews::Fields fields{};  // of view of left and right, where they are known
   double right_shift = 0.0;  // frame pixels by which the right view was moved to the left before the network saw it
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;

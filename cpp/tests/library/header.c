@@ -94,7 +94,9 @@ PLACE(endo_calibration, left_distortion, 168);
 PLACE(endo_calibration, right_distortion, 232);
 PLACE(endo_calibration, rotation, 296);
 PLACE(endo_calibration, translation, 368);
-_Static_assert(sizeof(endo_calibration) == 392, "endo_calibration");
+PLACE(endo_calibration, left_field_of_view, 392);
+PLACE(endo_calibration, right_field_of_view, 424);
+_Static_assert(sizeof(endo_calibration) == 456, "endo_calibration");
 
 PLACE(endo_geometry, struct_size, 0);
 PLACE(endo_geometry, rectifies, 4);

@@ -103,6 +103,8 @@ void bad_calibrations_are_refused_and_change_nothing(const Places& at) {
   refused([](Rig& r) { r.camera_model = 7; }, ENDO_INVALID_CALIBRATION, "camera_model");
   refused([](Rig& r) { r.rotation[0] = 1.1; }, ENDO_INVALID_CALIBRATION, "orthonormal");
   refused([](Rig& r) { r.rotation[0] = -1; }, ENDO_INVALID_CALIBRATION, "mirrors");
+  refused([](Rig& r) { r.left_field_of_view[2] = 0.4; }, ENDO_INVALID_CALIBRATION, "left_field_of_view");
+  refused([](Rig& r) { r.right_field_of_view[0] = std::nan(""); }, ENDO_INVALID_CALIBRATION, "right_field_of_view");
   refused([](Rig& r) { r.width = 0; }, ENDO_INVALID_ARGUMENT, "size");
   refused([](Rig& r) { r.struct_size = 8; }, ENDO_INVALID_ARGUMENT, "struct_size");
   Output out(pixels, true);

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, get_args
@@ -21,10 +21,12 @@ import numpy.typing as npt
 from endosdk import _core
 from endosdk.calibration.rules import (
     CameraModel,
+    Ellipse,
     check_alpha,
     check_camera_matrix,
     check_crop,
     check_distortion,
+    check_field_of_view,
     check_plausible_baseline,
     check_principal_point,
     check_rotation,
@@ -50,8 +52,10 @@ class StereoCalibration:
     """Two cameras and how they stand to each other; lengths in mm, arrays float64 and read-only.
 
     ``left_matrix`` and ``right_matrix`` are [3,3]; distortions hold 0, 4, 5 or 8 Brown-Conrady coefficients for
-    ``pinhole`` and 0 or 4 for ``fisheye``; ``rotation`` is [3,3] and ``translation`` [3], left to right. Raises
-    `InvalidCalibration` when the numbers cannot describe a rig with the right camera on the right.
+    ``pinhole`` and 0 or 4 for ``fisheye``; ``rotation`` is [3,3] and ``translation`` [3], left to right. Fields of view
+    are the ellipses that the optics fill, middle x, y and half axes along x and y, px of the raw frame; where one is
+    None, it is found in each picture. Raises `InvalidCalibration` when the numbers cannot describe a rig with the right
+    camera on the right.
     """
 
     width: int
@@ -63,6 +67,8 @@ class StereoCalibration:
     rotation: Matrix
     translation: Matrix
     model: CameraModel = "pinhole"
+    left_field_of_view: Ellipse | None = None
+    right_field_of_view: Ellipse | None = None
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -77,6 +83,10 @@ class StereoCalibration:
             "right_distortion": check_distortion("right_distortion", self.right_distortion, self.model),
             "rotation": check_rotation("rotation", self.rotation),
             "translation": check_translation("translation", self.translation),
+            "left_field_of_view": check_field_of_view("left_field_of_view", self.left_field_of_view, (width, height)),
+            "right_field_of_view": check_field_of_view(
+                "right_field_of_view", self.right_field_of_view, (width, height)
+            ),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -176,8 +186,8 @@ class StereoCalibration:
             "model": self.model,
             "width": self.width,
             "height": self.height,
-            "left": {"matrix": self.left_matrix.tolist(), "distortion": self.left_distortion.tolist()},
-            "right": {"matrix": self.right_matrix.tolist(), "distortion": self.right_distortion.tolist()},
+            "left": _camera(self.left_matrix, self.left_distortion, self.left_field_of_view),
+            "right": _camera(self.right_matrix, self.right_distortion, self.right_field_of_view),
             "rotation": self.rotation.tolist(),
             "translation": self.translation.tolist(),
         }
@@ -219,15 +229,27 @@ class StereoCalibration:
         """Return the calibration of the same pictures resized to ``width`` x ``height``."""
         new_width, new_height = check_size("size", (width, height))
         scale = new_width / self.width, new_height / self.height
-        return self._with_cameras(
-            new_width, new_height, _scale_rows(self.left_matrix, *scale), _scale_rows(self.right_matrix, *scale)
+        return replace(
+            self,
+            width=new_width,
+            height=new_height,
+            left_matrix=_scale_rows(self.left_matrix, *scale),
+            right_matrix=_scale_rows(self.right_matrix, *scale),
+            left_field_of_view=_scaled(self.left_field_of_view, *scale),
+            right_field_of_view=_scaled(self.right_field_of_view, *scale),
         )
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Self:
         """Return the calibration of the window at (x, y) that is cut out of both pictures."""
         x, y, width, height = check_crop((x, y, width, height), (self.width, self.height))
-        return self._with_cameras(
-            width, height, _shift_centre(self.left_matrix, x, y), _shift_centre(self.right_matrix, x, y)
+        return replace(
+            self,
+            width=width,
+            height=height,
+            left_matrix=_shift_centre(self.left_matrix, x, y),
+            right_matrix=_shift_centre(self.right_matrix, x, y),
+            left_field_of_view=_shifted(self.left_field_of_view, x, y),
+            right_field_of_view=_shifted(self.right_field_of_view, x, y),
         )
 
     def turned(self, rotation_deg: Sequence[float]) -> Self:
@@ -239,30 +261,7 @@ class StereoCalibration:
         vector = np.radians(finite_array("rotation_deg", rotation_deg, (3,)))
         frame = self.rectification().R2
         turn = frame.T @ _core.rotation_matrix(vector) @ frame
-        return type(self)(
-            self.width,
-            self.height,
-            self.left_matrix,
-            self.right_matrix,
-            self.left_distortion,
-            self.right_distortion,
-            turn @ self.rotation,
-            turn @ self.translation,
-            self.model,
-        )
-
-    def _with_cameras(self, width: int, height: int, left: Matrix, right: Matrix) -> Self:
-        return type(self)(
-            width,
-            height,
-            left,
-            right,
-            self.left_distortion,
-            self.right_distortion,
-            self.rotation,
-            self.translation,
-            self.model,
-        )
+        return replace(self, rotation=turn @ self.rotation, translation=turn @ self.translation)
 
     def rectification(self, size: tuple[int, int] | None = None, alpha: float = 0.0) -> RectifiedGeometry:
         """Return the geometry of the rectified pair, equal to OpenCV's ``stereoRectify`` with zero disparity.
@@ -376,3 +375,19 @@ def _shift_centre(projection: Matrix, x: int, y: int) -> Matrix:
     shifted[0, 2] -= x
     shifted[1, 2] -= y
     return shifted
+
+
+def _camera(matrix: Matrix, distortion: Matrix, field: Ellipse | None) -> dict[str, Any]:
+    stated = {} if field is None else {"field_of_view": list(field)}
+    return {"matrix": matrix.tolist(), "distortion": distortion.tolist(), **stated}
+
+
+def _scaled(field: Ellipse | None, scale_x: float, scale_y: float) -> Ellipse | None:
+    if field is None:
+        return None
+    x, y, across, down = field
+    return (x + 0.5) * scale_x - 0.5, (y + 0.5) * scale_y - 0.5, across * scale_x, down * scale_y
+
+
+def _shifted(field: Ellipse | None, x: int, y: int) -> Ellipse | None:
+    return None if field is None else (field[0] - x, field[1] - y, field[2], field[3])

@@ -9,9 +9,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from endosdk import _core
 from endosdk.errors import CalibrationSizeMismatch, InvalidArgument, InvalidCalibration
 
 Matrix = npt.NDArray[np.float64]
+Ellipse = tuple[float, float, float, float]  # middle x, y and half axes along x and y, px
 CameraModel = Literal["pinhole", "fisheye"]
 
 # Files print rotations with four or more decimals. An error of 1e-4 moves a point 1000 px off the axis by 0.1 px.
@@ -97,6 +99,15 @@ def check_distortion(name: str, value: Any, model: str) -> Matrix:
         rule = f"must be a flat list of {counts} coefficients for a {model} camera"
         raise InvalidCalibration(name, rule, f"shape {list(coefficients.shape)}")
     return coefficients
+
+
+def check_field_of_view(name: str, value: Any, size: tuple[int, int]) -> Ellipse | None:
+    """Return the ellipse that the optics fill in a frame of ``size``; None, and four zeros, stand for none."""
+    if value is None:
+        return None
+    x, y, across, down = finite_array(name, value, (4,)).tolist()
+    _core.check_field_of_view((x, y, across, down), *size, name)
+    return (x, y, across, down) if (x, y, across, down) != (0.0, 0.0, 0.0, 0.0) else None
 
 
 def check_rotation(name: str, value: Any) -> Matrix:

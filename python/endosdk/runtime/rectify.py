@@ -17,4 +17,5 @@ def rectified(left: Picture, right: Picture, calibration: StereoCalibration) -> 
 def rig_numbers(rig: StereoCalibration) -> tuple[Any, ...]:
     """Return a rig as the core takes it."""
     left, right = (rig.left_matrix, rig.left_distortion), (rig.right_matrix, rig.right_distortion)
-    return rig.model, rig.width, rig.height, *left, *right, rig.rotation, rig.translation
+    fields = (field or (0.0, 0.0, 0.0, 0.0) for field in (rig.left_field_of_view, rig.right_field_of_view))
+    return rig.model, rig.width, rig.height, *left, *right, rig.rotation, rig.translation, *fields

@@ -4,11 +4,12 @@
 
     {"format": "endosdk-stereo-calibration", "version": 1,
      "units": "mm", "model": "pinhole" | "fisheye", "width": int, "height": int,
-     "left": {"matrix": 3x3, "distortion": [...]}, "right": {"matrix": 3x3, "distortion": [...]},
+     "left": {"matrix": 3x3, "distortion": [...], "field_of_view": [x, y, half width, half height]}, "right": likewise,
      "rotation": 3x3, "translation": [x, y, z],            right point = rotation * left point + translation
      "sha256": hash of the fields above without format and version, keys sorted, no blanks}
 
-``sha256`` may be left out of a file written by hand. When it is there it must match.
+``field_of_view`` is optional, px: without it the field of view is found in each picture. ``sha256`` may be left out of
+a file written by hand. When it is there it must match.
 """
 
 from __future__ import annotations
@@ -93,6 +94,7 @@ def _fields(path: Path, content: dict[str, Any]) -> dict[str, Any]:
     fields = {name: required(path, content, name) for name in ("width", "height", "rotation", "translation", "model")}
     for side, camera in zip(("left", "right"), cameras, strict=True):
         fields |= {f"{side}_{part}": required(path, camera, part) for part in ("matrix", "distortion")}
+        fields[f"{side}_field_of_view"] = camera.get("field_of_view")
     return fields
 
 
