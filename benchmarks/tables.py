@@ -38,6 +38,8 @@ DOCUMENTS = (
     "docs/model-file.md",
     "docs/trust.md",
     "docs/hardening.md",
+    "docs/live.md",
+    "docs/measuring.md",
     "docs/device/systems.md",
 )
 PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
@@ -268,6 +270,38 @@ def range_table(model: str) -> str:
     return _table(["what", "value"], rows)
 
 
+def temporal_table() -> str:
+    """What the filter in time leaves of flicker, jumps and errors, as a share of what there is without it."""
+    means = {kind: _record("accuracy/temporal")[kind]["mean"] for kind in ("still", "flight", "tool")}
+    still, flight, tool = means.values()
+    rows = [
+        ["the scene stands still", still["flicker_ratio"], still["jump_ratio"], still["error_ratio"]],
+        ["flight", None, flight["jump_ratio"], flight["error_ratio"]],
+        ["flight with a moving tool", None, tool["jump_ratio"], tool["error_ratio"]],
+        ["beside the tool", None, tool["jump_ratio_beside_the_tool"], None],
+        ["on the tool", None, tool["jump_ratio_on_the_tool"], None],
+        ["within 12 px of the tool", None, None, tool["error_ratio_near_tool"]],
+    ]
+    cells = [[label, *("" if one is None else f"{one:.2f}" for one in ratios)] for label, *ratios in rows]
+    return _table(["film", "flicker", "jumps", "error"], cells)
+
+
+def measuring_table() -> str:
+    """How often the intervals of measures hold the truth, and how far the measures are off."""
+    labels = {"depth": "depth of a point", "distance": "distance from edge to edge", "area": "area", "relief": "relief"}
+    found = _record("accuracy/measuring")["both"]
+    rows = [
+        [
+            label,
+            str(found[kind]["measurements"]),
+            _percent(found[kind]["within_95"]),
+            _percent(found[kind]["median_relative_error"]),
+        ]
+        for kind, label in labels.items()
+    ]
+    return _table(["measured", "times", "truth within the interval of 95 %", "median error"], rows)
+
+
 def range_end_table() -> str:
     """What each margin before the last plane finds and loses, by model."""
     models = {name: _record("accuracy/range_end")["models"][name]["margins"] for name in ("fast", "wang2020")}
@@ -317,7 +351,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "causes": causes_table,
     "fault-naming": fault_naming_table,
     "reasons": reasons_table,
+    "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,
+    "temporal": temporal_table,
     "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
 }
 

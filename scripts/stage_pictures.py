@@ -1,6 +1,8 @@
 """Draw what each stage of the frame path makes of the demo pair, for docs/how-it-works.md, and the README's picture.
 
-python scripts/stage_pictures.py [--out docs/images] [--model fast]
+python scripts/stage_pictures.py [--out docs/images] [--model fast] [--front SET ID]
+
+The README shows a pair of the test split of endosim-lap: `--front sets/endosim-lap 2022500000`.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
-from endosdk.datasets.dataset import read_disparity
+from endosdk.datasets.layouts import open_dataset
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.runtime.models import read_model
 from endosdk.runtime.overview import colour_map, overview, robust_range
@@ -36,9 +38,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images", help="folder to write into")
     parser.add_argument("--model", default="fast", help="a shipped name")
+    parser.add_argument("--front", nargs=2, metavar=("SET", "ID"), help="draw overview.jpg of this test pair")
     args = parser.parse_args()
     (args.out / "stages").mkdir(parents=True, exist_ok=True)
-    for name, picture in stages(args.model).items():
+    pictures = stages(args.model) | (
+        {"overview": front(args.model, Path(args.front[0]), args.front[1])} if args.front else {}
+    )
+    for name, picture in pictures.items():
         write_picture(args.out / f"{name}.jpg", picture)
         print(args.out / f"{name}.jpg")
 
@@ -50,12 +56,10 @@ def stages(model: str) -> dict[str, Picture]:
     result = estimator.predict(left, right)
     views = estimator.rectify(left, right)
     seen = estimator.rectified_pair()
-    truth = read_disparity(SAMPLES / "demo" / "disparity.png")
     coarse, confidence = network_answer(estimator.model.name, *seen)
     low, high = robust_range(coarse)
     scale = result.disparity.shape[1] / seen[0].shape[1]
     return {
-        "overview": shrunk(overview(views[0], result, truth), 3 * WIDTH),
         "stages/1_raw": beside(*(with_rows(view) for view in (left, right))),
         "stages/2_rectified": beside(*(with_rows(view) for view in views)),
         "stages/3_seen": beside(*seen),
@@ -68,6 +72,16 @@ def stages(model: str) -> dict[str, Picture]:
         "stages/6_consistency": beside(views[0], matched(views[1], result)),
         "stages/7_result": shrunk(overview(views[0], result), 2 * WIDTH + GAP),
     }
+
+
+def front(model: str, root: Path, name: str) -> Picture:
+    """Return the overview of one pair of a rendered set, beside its truth."""
+    reader = open_dataset(root, "test")
+    pair = next(pair for pair in (reader[index] for index in range(len(reader))) if pair.id == name)
+    size = pair.left.shape[1], pair.left.shape[0]
+    rig = StereoCalibration.rectified(pair.focal_px, pair.baseline_mm, size, doffs=pair.doffs)
+    result = DepthEstimator(model, calibration=rig).predict(pair.left, pair.right)
+    return shrunk(overview(pair.left, result, pair.disparity), 3 * WIDTH)
 
 
 def network_answer(model: str, left: Picture, right: Picture) -> tuple[Map, Map]:

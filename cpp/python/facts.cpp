@@ -8,6 +8,7 @@
 
 #include "bindings.hpp"
 #include "frame_path/causes.hpp"
+#include "frame_path/settings.hpp"
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
@@ -38,6 +39,7 @@ void bind_enums(py::module_& m) {
 }
 
 void bind_numbers(py::module_& m) {
+  m.attr("default_min_confidence") = FramePathSettings().limits.min_confidence;
   m.attr("range_margin") = range_margin;
   m.attr("saturation_level") = saturation_level;
   m.attr("calibration_rule") = calibration_rule;

@@ -83,7 +83,7 @@ class DepthEstimator:
         threads: int | None = None,
         channel_order: str = "rgb",
         network_size: tuple[int, int] | None = None,
-        min_confidence: float = 0.5,
+        min_confidence: float = _core.default_min_confidence,
         depth_range_mm: tuple[float, float] = (0.0, math.inf),
         deadline_ms: float = 0.0,
         max_age_ms: float = 0.0,

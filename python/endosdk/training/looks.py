@@ -44,8 +44,8 @@ def blurred(view: Image, rng: Generator) -> Image:
 
 
 def dim_and_noisy(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
-    """Darken both views and add sensor noise of 4 to 12 grey levels, in grains of one to two pixels."""
-    gain, strength, grain = rng.uniform(0.3, 1.0), rng.uniform(4.0, 12.0), rng.uniform(0.0, 0.8)
+    """Darken both views, to a fifth at most, and add noise of up to 12 grey levels, in grains of one to two pixels."""
+    gain, strength, grain = rng.uniform(0.2, 1.0), rng.uniform(0.0, 12.0), rng.uniform(0.0, 0.8)
     return _noisy(left, gain, strength, grain, rng), _noisy(right, gain, strength, grain, rng)
 
 
