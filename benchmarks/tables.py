@@ -329,6 +329,17 @@ def spoilt_files_table() -> str:
     return _table(heads, rows)
 
 
+def fuzzed_table() -> str:
+    """What libFuzzer has tried on the C library."""
+    labels = {"model": "model file", "calibration": "rig", "frame": "pair of frames, with strides and formats"}
+    found = _record("speed/c_library")["fuzz"]["result"]
+    rows = [
+        [labels[name], f"{one['inputs']:,}", f"{one['edges_reached']:,}", str(one["failures"])]
+        for name, one in found.items()
+    ]
+    return _table(["input", "tried", "branches reached", "crashes, hangs, reports"], rows)
+
+
 def versions_table(versions: dict[str, Any]) -> str:
     """Error of each version of wang2020, and what was new in its training."""
     rows = []
@@ -351,6 +362,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "causes": causes_table,
     "fault-naming": fault_naming_table,
     "reasons": reasons_table,
+    "fuzzed": fuzzed_table,
     "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,
     "temporal": temporal_table,

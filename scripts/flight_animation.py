@@ -3,8 +3,8 @@
 python scripts/flight_animation.py FILM --calibration rig.json --out docs/images/flight.webp
 
 FILM is any source of `endosdk.open_source` that ends. The one shown was rendered by
-`endosdk simulate --organ lap --video --frames 160 --pairs 0 --test-pairs 2 --width 640 --height 480 --focal 500
---baseline 5 --max-disparity 120 --seed 77`.
+`endosdk simulate --video --frames 160 --pairs 0 --test-pairs 1 --width 640 --height 480 --focal 500 --baseline 5
+--seed 77`.
 """
 
 from __future__ import annotations
