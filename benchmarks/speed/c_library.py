@@ -42,7 +42,8 @@ TIMED = (  # model, width, height, frames
 STREAMED = ("fast", "fast-320")
 STREAM_SIZES = ((960, 720), (1920, 1080))
 STREAM_FRAMES, STREAM_TURNS = 100, 5
-FUZZERS = {"model": 16384, "calibration": 392, "frame": 80}  # and the longest input of each, bytes
+# The longest input of each, bytes.
+FUZZERS = {"model": 16384, "calibration": ctypes.sizeof(binding.Calibration), "frame": 80}
 
 
 def say(text: str) -> None:

@@ -113,6 +113,13 @@ def test_a_rig_whose_instruments_are_in_sight_is_no_warning(caplog):
     assert [(line.levelname, line.message) for line in caplog.records] == [("INFO", line_of_the_log)]
 
 
+def test_a_rig_of_absurd_size_gets_a_line_that_has_an_end(caplog):
+    with caplog.at_level(logging.INFO, "endosdk.rigs"):
+        DepthEstimator(TINY_MODEL, calibration=StereoCalibration.rectified(210.0, 1e150, (240, 120)))
+    assert all(len(line.message) < 160 for line in caplog.records)
+    assert caplog.records[0].message.endswith("e+150 mm; instruments come nearer, and get no depth there")
+
+
 def test_the_largest_disparity_is_that_of_the_frame():
     estimator = DepthEstimator(TINY_MODEL, network_size=(120, 60))
     assert estimator.largest_disparity(480, 240) == pytest.approx(4 * 30.5)

@@ -28,9 +28,9 @@ double nearest_depth_mm(const Rig& rig, double largest_disparity) {
 
 std::optional<RangeNote> range_note(double nearest_mm, const Limits& limits) {
   if (std::isnan(nearest_mm)) return std::nullopt;
-  char line[160];
+  char line[160];  // enough for any two numbers of %g, which takes few letters also where a rig gives absurd ones
   const auto write = [&](const char* format, auto... numbers) {
-    const int start = std::snprintf(line, sizeof line, "nearest depth this model sees on this rig: %.0f mm", std::ceil(nearest_mm));
+    const int start = std::snprintf(line, sizeof line, "nearest depth this model sees on this rig: %.9g mm", std::ceil(nearest_mm));
     std::snprintf(line + start, sizeof line - static_cast<size_t>(start), format, numbers...);
     return std::string(line);
   };
