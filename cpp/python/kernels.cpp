@@ -330,6 +330,7 @@ void bind_rectification(py::module_& m) {
         arg("out_right").noconvert(), arg("order"), "Rewrite an already rectified pair as padded planar RGB.");
   m.def("displacement_of_frames", &displacement_of_arrays, arg("left").noconvert(), arg("right").noconvert(),
         "How far apart two frames show their texture, thousandths of the width.");
+  m.attr("farthest_displacement") = farthest_displacement;
   m.attr("displacement_of_one_view") = displacement_of_one_view;
 }
 

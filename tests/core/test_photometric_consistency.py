@@ -8,7 +8,8 @@ import pytest
 import endosdk
 from endosdk import _core
 from tests.conftest import TINY_MODEL, shifted_pair
-from tests.reference import matched_views, resampling
+from tests.core_rigs import every_isa
+from tests.reference import matched_views, resampling, view_measures
 from tests.rigs import raw_rig
 
 
@@ -82,6 +83,21 @@ def test_equals_twin_in_a_circular_field_of_view():
     assert 0.05 < np.mean(expected < 0.5) < 0.95  # noisy disparities have edges
 
 
+@every_isa
+def test_every_set_of_kernels_gives_the_same_bytes(isa, restored_settings):
+    left, right = shifted_pair(150, 250, 9)
+    views = padded(left, 8), padded(right, 8)
+    rng = np.random.default_rng(3)
+    grid = views[0].shape[1] // 4, views[0].shape[2] // 4
+    disparity, confidence = (rng.normal(9, 1, grid).astype(np.float32), rng.uniform(0, 1, grid).astype(np.float32))
+    disparity[5, 5:8] = np.nan, np.inf, -4
+    seen = []
+    for name in ("plain", isa):
+        _core.set_isa(name)
+        seen.append(confidence_of(disparity, confidence, *views, 150, 250))
+    np.testing.assert_array_equal(seen[0], seen[1])
+
+
 @pytest.mark.parametrize("wrong", ["another moment", "covered", "swapped", "misaligned", "black", "noise"])
 def test_views_that_do_not_belong_together_have_no_answer(wrong):
     left, right = shifted_pair(180, 240, 9)
@@ -109,12 +125,12 @@ def test_one_view_is_known_though_a_bit_or_some_noise_differs():
     left, _ = shifted_pair(120, 200, 9)
     wide = np.zeros((120, 260, 3), np.uint8)
     wide[:, :200] = left
-    apart = _core.displacement_of_frames
+    apart, farthest = _core.displacement_of_frames, _core.farthest_displacement
     assert apart(left, left.copy()) == 0
     assert apart(left, wide[:, :200]) == 0  # another row pitch
-    assert apart(left, left[:, :199]) == np.inf
-    assert apart(left, np.ascontiguousarray(left[..., 0])) == np.inf
-    assert apart(np.full_like(left, 7), left) == np.inf
+    assert apart(left, left[:, :199]) == farthest
+    assert apart(left, np.ascontiguousarray(left[..., 0])) == farthest
+    assert apart(np.full_like(left, 7), left) == farthest
     assert np.isnan(apart(np.full_like(left, 7), np.full_like(left, 7)))
     other = left.copy()
     other[::7, ::5] ^= 1
@@ -123,6 +139,19 @@ def test_one_view_is_known_though_a_bit_or_some_noise_differs():
         assert 0 <= apart(left, one) < _core.displacement_of_one_view
     for moved in (1, 2, 9, 40):
         assert apart(left, shifted_pair(120, 200, moved)[1]) > _core.displacement_of_one_view
+
+
+@pytest.mark.parametrize("shape", [(120, 200), (90, 960, 3), (150, 1500, 3), (300, 3900, 3)])
+def test_displacement_equals_twin(shape):
+    left, _ = shifted_pair(*shape[:2], 9)
+    rng = np.random.default_rng(4)
+    for moved in (0, 1, 5):
+        right = np.roll(left, moved, axis=1) * 0.8 + rng.normal(10, 3, left.shape)
+        views = [np.clip(view, 0, 255).astype(np.uint8) for view in (left, right)]
+        if len(shape) == 2:
+            views = [np.ascontiguousarray(view[..., 1]) for view in views]
+        expected = view_measures.displacement_of_frames(*views)
+        assert _core.displacement_of_frames(*views) == pytest.approx(expected, rel=1e-3, abs=1e-3)
 
 
 def test_exposure_and_colour_of_a_camera_do_not_matter():

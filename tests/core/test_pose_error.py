@@ -10,7 +10,8 @@ import pytest
 from endosdk import DepthEstimator, StereoCalibration, _core
 from endosdk.errors import CalibrationRequired
 from tests.conftest import ROOT, shifted_pair
-from tests.reference import pose_error, resampling
+from tests.core_rigs import every_isa
+from tests.reference import pose_error, postprocess, resampling
 
 CYCLES = ROOT / "datasets" / "endosim-gi-cycles" / "test"
 RIG = StereoCalibration.rectified(400.0, 10.0, (960, 720))
@@ -35,8 +36,9 @@ def cycles_pair(number: int) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(left[..., ::-1]), np.ascontiguousarray(right[..., ::-1])
 
 
+@every_isa
 @pytest.mark.parametrize("threads", [1, 3])
-def test_equals_twin(threads: int, restored_settings: None) -> None:
+def test_equals_twin(isa: str, threads: int, restored_settings: None) -> None:
     import cv2
 
     rng = np.random.default_rng(3)
@@ -49,8 +51,12 @@ def test_equals_twin(threads: int, restored_settings: None) -> None:
     disparity[50, 60:64] = np.nan, np.inf, -3, 1e9
     confidence = rng.uniform(0.49, 1, disparity.shape).astype(np.float32)
     arguments = (disparity, confidence, *views, (240, 150), (2.0, 2.0), (400.0, 410.0, 239.5, 150.0, 1.5))
+    _core.set_isa("plain")
+    plain = _core.rig_error(*arguments)
+    _core.set_isa(isa)
     _core.set_threads(threads)
     seen = _core.rig_error(*arguments)
+    assert seen == plain
     expected = pose_error.rig_error(*arguments)
     assert seen is not None and expected is not None
     np.testing.assert_allclose(seen[0], expected[0], atol=3e-5)
@@ -111,6 +117,22 @@ def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
     expected = clean.depth[both] ** 2 / 4000 * 400 * math.radians(0.55)
     assert np.median(moved.sigma[both] / expected) > 0.8
     assert np.median(clean.sigma[both]) < 0.5 * np.median(moved.sigma[both])
+
+
+@every_isa
+def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, restored_settings: None) -> None:
+    left, right = cycles_pair(0)
+    _core.set_isa(isa)
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        seen = estimator.predict(left, turned(right, (0.3, -0.4, 0.2)))
+        gain = 960 / estimator.rectified_pair()[0].shape[1]
+    assert seen.rig is not None and seen.rig.rotation_deg is not None and seen.rig.rotation_se_deg is not None
+    valid = seen.reasons == 0
+    network = postprocess.sigma(seen.depth, seen.confidence, focal_baseline=4000.0, gain=gain)
+    turns = np.radians(seen.rig.rotation_deg), np.radians(seen.rig.rotation_se_deg)
+    expected = postprocess.rig_sigma(seen.depth, network, *turns, focal_baseline=4000.0, pattern=PATTERN)
+    np.testing.assert_allclose(seen.sigma[valid], expected[valid], rtol=1e-3)
+    assert np.median(expected[valid] / network[valid]) > 2
 
 
 def test_without_a_calibration_the_rows_alone_are_told() -> None:

@@ -57,7 +57,7 @@ def _refined(value: np.ndarray, rows: np.ndarray, rest: np.ndarray, weight: np.n
     step = np.zeros(5)
     for again in range(3):
         size = np.abs(rest - rows @ step)
-        some = np.sort(size[:: len(size) // 1024 + 1])
+        some = np.sort(size[:: len(size) // 512 + 1])
         tuned = max(1.4826 * some[len(some) // 2], 0.02)
         w = weight * _robust(size, tuned, again > 0)
         normal = (rows * w[:, None]).T @ rows / tuned**2 + np.diag(1 / POSE_PRIOR**2)

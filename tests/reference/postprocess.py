@@ -67,6 +67,19 @@ def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, g
     return depth**2 / focal_baseline * gain * scale
 
 
+def rig_sigma(
+    depth: np.ndarray, sigma: np.ndarray, turn: np.ndarray, error: np.ndarray, *, focal_baseline: float, pattern: tuple
+) -> np.ndarray:
+    """Sigma, mm, with what turns of the right camera, radians, add beyond their standard errors."""
+    focal_x, focal_y, cx, cy, _ = pattern
+    rows, columns = np.indices(depth.shape)
+    u, v = (columns - cx) / focal_x, (rows - cy) / focal_y
+    moved = -focal_x * u * v, focal_x * (1 + u * u), -focal_x * v
+    certain = np.clip(np.square(turn) - np.square(2.5 * error), 0, None)
+    px = sum(variance * term**2 for variance, term in zip(certain, moved, strict=True))
+    return np.sqrt(sigma**2 + (depth**2 / focal_baseline) ** 2 * px)
+
+
 def joint_bilateral_upsampling(disparity: np.ndarray, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Disparity [h, w] of every pixel of ``view`` uint8 [3, H, W], which has H / h pixels per cell, float64 [H, W].
 

@@ -192,3 +192,42 @@ def _blur(columns: list[np.ndarray], inside: list[np.ndarray], noises: list[floa
             return float(np.sqrt(0.5 * (passes - 1 + (before - wanted) / max(1e-9, before - here))))
         before = here
     return float(np.sqrt(0.5 * 24))
+
+
+def _tile(frame: np.ndarray, x: int, y: int, unit: int) -> np.ndarray:
+    """12 x 12 means of blocks of the middle channel, about their own mean; of at most 4 x 4 pixels of a block."""
+    channel = frame if frame.ndim == 2 else frame[..., 1]
+    taken = np.arange(min(unit, 4)) * max(1, unit // 4)
+    rows, columns = ((at + unit * np.arange(12))[:, None] + taken for at in (y, x))
+    blocks = channel[rows[:, :, None, None], columns[None, None]].astype(float).mean(axis=(1, 3))
+    return np.asarray(blocks - blocks.mean())
+
+
+def _compared(left: np.ndarray, right: np.ndarray) -> tuple[float, float]:
+    """Variance of the tile with more of it, and how far apart two tiles show their texture, blocks squared."""
+    varies = [np.mean(tile**2) for tile in (left, right)]
+    together = np.mean(left * right)
+    if together <= 0:
+        return max(varies), np.inf
+    noises = []
+    for tile, variance in zip((left, right), varies, strict=True):
+        along = tile[:-2] - 2 * tile[1:-1] + tile[2:]
+        mixed = along[:, :-2] - 2 * along[:, 1:-1] + along[:, 2:]
+        noises.append(min(np.mean(mixed**2) / 36, 0.3 * variance))
+    gain = together / (varies[0] - noises[0])
+    differs = max(0.0, varies[1] - noises[1] - gain * together)
+    steep = np.mean(((left[:, 2:] - left[:, :-2]) / 2) ** 2)
+    return max(varies), differs / (gain**2 * max(steep - noises[0] / 2, 0.1 * steep))
+
+
+def displacement_of_frames(left: np.ndarray, right: np.ndarray) -> float:
+    """How far apart two frames show their texture, thousandths of the width, at most 100."""
+    height, width = left.shape[:2]
+    unit = max(1, (width + 240) // 480)
+    places = [(size - 12 * unit) * np.arange(count) // (count - 1) for size, count in ((height, 12), (width, 16))]
+    found = [_compared(*(_tile(view, x, y, unit) for view in (left, right))) for y in places[0] for x in places[1]]
+    textured = sorted((tiles for tiles in found if tiles[0] >= 2), key=lambda tiles: -tiles[0])
+    if len(textured) < 6:
+        return float("nan")
+    half = sorted(displacement for _, displacement in textured[: (len(textured) + 1) // 2])
+    return min(float(np.sqrt(half[len(half) // 2])) * unit * 1000 / width, 100.0)

@@ -67,7 +67,7 @@ constexpr CauseFact cause_facts[] = {
      "a camera or a grabber repeats an old picture", "restart the source of the frames"},
     {Cause::not_simultaneous, "NOT_SIMULTANEOUS", "vertical motion between the views, px of the frame", Bad::high, 0.5, never,
      "the two views are of different moments", "synchronise the two cameras"},
-    {Cause::same_view_twice, "SAME_VIEW_TWICE", "how far apart the views show their texture, thousandths of the width",
+    {Cause::same_view_twice, "SAME_VIEW_TWICE", "how far apart the views show their texture, thousandths of the width, at most 100",
      Bad::low, displacement_of_one_view, displacement_of_one_view, "one camera is connected to both inputs", "connect each camera to its own input"},
     {Cause::swapped, "SWAPPED", "how much better the views agree when they are exchanged", Bad::high, 0.15, 0.15,
      "the right camera is connected to the left input", "exchange the two inputs"},

@@ -19,6 +19,7 @@ class Counters {
   struct Snapshot {
     uint64_t frames, failed, late;
     std::array<uint64_t, cause_count> causes;  // frames that each was raised for
+    double rectify_ms, session_ms, postprocess_ms, trust_ms;  // means of all frames
     double p50_ms, p95_ms, p99_ms, longest_ms;
   };
   Snapshot snapshot() const;
@@ -29,6 +30,7 @@ class Counters {
   uint64_t late_ = 0;
   std::array<uint64_t, cause_count> causes_{};
   uint64_t failed_ = 0;
+  double rectify_ms_ = 0.0, session_ms_ = 0.0, postprocess_ms_ = 0.0, trust_ms_ = 0.0;  // of all frames together
 };
 
 }  // namespace endosdk

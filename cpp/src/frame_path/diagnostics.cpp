@@ -41,6 +41,9 @@ JsonObject FramePath::diagnostics() const {
   report.raw("causes", causes.done());
   report.raw("latency_ms", JsonObject().number("p50", c.p50_ms).number("p95", c.p95_ms).number("p99", c.p99_ms)
                                .number("max", c.longest_ms).done());
+  // Trust, what finds out whether answers can be trusted, lies within the stages and a little after them.
+  report.raw("mean_ms", JsonObject().number("rectify", c.rectify_ms).number("session", c.session_ms)
+                            .number("postprocess", c.postprocess_ms).number("trust", c.trust_ms).done());
   return report;
 }
 

@@ -47,6 +47,7 @@ struct FrameReport {
   double rectify_ms = 0.0;
   double session_ms = 0.0;
   double postprocess_ms = 0.0;
+  double trust_ms = 0.0;  // of these, and after them: what it took to find out whether the answer can be trusted
   double total_ms = 0.0;  // from the call to the answer, waiting included
   bool late = false;
   int64_t stamp_ns = 0;  // of the pair

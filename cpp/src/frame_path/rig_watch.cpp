@@ -5,6 +5,7 @@
 namespace endosdk {
 
 void RigWatch::add(FrameReport& report, Slot& slot) {
+  const Clock::time_point started = Clock::now();
   const double row_px = static_cast<double>(slot.stage().frame().height) / slot.stage().picture().height;
   const std::optional<double> motion = simultaneity_.motion_between(slot.brightness(), row_px, report.pose);
   if (motion) report.causes.set(Cause::not_simultaneous, *motion);
@@ -16,6 +17,7 @@ void RigWatch::add(FrameReport& report, Slot& slot) {
     pose_.add(report.pose, report.corrected);
   }
   report.steady = pose_.value();
+  report.trust_ms += milliseconds(started, Clock::now());
 }
 
 }  // namespace endosdk

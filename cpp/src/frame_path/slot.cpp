@@ -1,5 +1,6 @@
 #include "frame_path/slot.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "images/same_view.hpp"
@@ -12,12 +13,19 @@ size_t pixels(Size size) { return static_cast<size_t>(size.width) * static_cast<
 
 FloatView read_only(const MutableFloatView& view) { return {view.data, view.width, view.height}; }
 
-// Of all pixels, but for those that one view does not show.
+// Of all pixels, but for those that one view does not show. Counted in bytes over as many pixels as these can tell, so that
+// the compiler adds whole vectors of them.
 double share_out_of_range(const uint8_t* reasons, size_t count) {
-  int32_t found = 0;
-  constexpr int looked_at = ENDO_REASON_OUT_OF_RANGE | ENDO_REASON_OUTSIDE_VIEW | ENDO_REASON_OUTSIDE_OVERLAP;
-  for (size_t i = 0; i < count; ++i) found += (reasons[i] & looked_at) == ENDO_REASON_OUT_OF_RANGE;
-  return found / static_cast<double>(count);
+  constexpr uint8_t looked_at = ENDO_REASON_OUT_OF_RANGE | ENDO_REASON_OUTSIDE_VIEW | ENDO_REASON_OUTSIDE_OVERLAP;
+  constexpr size_t group = 240;
+  size_t total = 0;
+  for (size_t first = 0; first < count; first += group) {
+    const size_t end = std::min(first + group, count);
+    uint8_t found = 0;
+    for (size_t i = first; i < end; ++i) found = static_cast<uint8_t>(found + ((reasons[i] & looked_at) == ENDO_REASON_OUT_OF_RANGE ? 1 : 0));
+    total += found;
+  }
+  return static_cast<double>(total) / static_cast<double>(count);
 }
 
 // Share of the rows found without the network that the fit of the rig must explain to be believed.
@@ -44,10 +52,13 @@ void Slot::rectify(const FramePair& pair, FrameReport& report) {
   const std::lock_guard lock(pictures_);
   const Clock::time_point started = Clock::now();
   (*stage_)(pair.left, pair.right, buffers_.left(), buffers_.right(), pair.order, rectify_scratch_);
+  const Clock::time_point rectified = Clock::now();
   report.causes.set(Cause::same_view_twice, displacement_of_frames(pair.left, pair.right));
   report.prints = {print_of(pair.left), print_of(pair.right)};
   report.corrected = stage_->corrected();
-  report.rectify_ms += milliseconds(started, Clock::now());
+  const Clock::time_point ended = Clock::now();
+  report.trust_ms = milliseconds(rectified, ended);
+  report.rectify_ms += milliseconds(started, ended);
 }
 
 void Slot::infer(Work& work, FrameReport& report) {
@@ -68,8 +79,10 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
   const MapsOut maps = spare_.complete(wanted);
   const int valid = postprocess(maps, limits, rig);
   report.valid_share = valid / static_cast<double>(pixels(stage_->frame()));
+  const Clock::time_point filled = Clock::now();
   judge(maps, report);
   brightness_.read(buffers_.left(), stage_->picture());
+  report.trust_ms += scratch_.trust_ms + milliseconds(filled, Clock::now());
   if (report.causes.status() == Quality::invalid) {
     withdraw_answer(maps, pixels(stage_->frame()));
     report.valid_share = 0.0;

@@ -15,7 +15,7 @@ constexpr double baseline_prior = 0.01;
 constexpr int least_measurements = 100;
 constexpr int least_blocks = 6;
 constexpr int rounds = 3;           // of reweighting
-constexpr int most_sorted = 1024;   // values that the scatter is taken from
+constexpr int most_sorted = 512;    // values that the scatter is taken from
 constexpr double least_scatter = 0.02;  // px
 constexpr double normal_law = 1.4826;   // standard deviations per median of the size
 constexpr double huber = 1.345;         // standard deviations; the usual choices
@@ -33,9 +33,7 @@ PoseVector priors(const PoseVector& value) {
   return result;
 }
 
-double weight_of(double size, double tuned, bool cut) {
-  if (!cut) return size <= huber * tuned ? 1.0 : huber * tuned / size;
-  const double share = size / (tukey * tuned);
+double cut_weight(double share) {
   const double left = 1.0 - share * share;
   return share < 1.0 ? left * left : 0.0;
 }
@@ -51,10 +49,12 @@ std::array<float, pose_terms> PosePattern::rows(float x, float y, float disparit
   return {-fy * (1.0f + v * v), fy * u * v, fy * u, fy * per_focal, -fy * v * per_focal};
 }
 
-std::array<double, 3> PosePattern::columns(double x, double y) const {
-  const double u = (x - cx) / focal_x;
+PosePattern::Line PosePattern::line(const PoseVector& value, double y) const {
   const double v = (y - cy) / focal_y;
-  return {-focal_x * u * v, focal_x * (1.0 + u * u), -focal_x * v};
+  const double per_u = focal_y * (value[1] * v + value[2]);
+  const double per_focal = focal_y * (value[3] - value[4] * v) - per_u;
+  const double start = -focal_y * (1.0 + v * v) * value[0] - per_u * cx / focal_x + per_focal * doffs / focal_x;
+  return {static_cast<float>(start), static_cast<float>(per_u / focal_x), static_cast<float>(per_focal / focal_x)};
 }
 
 double PoseError::standard_error(int term) const {
@@ -76,10 +76,10 @@ double PoseError::turn_se() const {
 }
 
 void PoseMeasurements::resize(int count) {
-  const auto size = static_cast<size_t>(count);
+  const auto size = static_cast<size_t>((count + fit_lanes - 1) / fit_lanes * fit_lanes);
   for (auto& term : rows_) term.resize(size);
   rest_.resize(size);
-  weight_.resize(size);
+  weight_.assign(size, 0.0f);
   block_.resize(size);
   sorted_.reserve(most_sorted + 1);
 }
@@ -112,24 +112,25 @@ double PoseMeasurements::scatter(const PoseVector& step) {
   return std::max(normal_law * static_cast<double>(*middle), least_scatter);
 }
 
-void PoseMeasurements::add_up(const PoseVector& step, double tuned, bool cut, PoseMatrix& normal, PoseVector& side) const {
-  normal = {};
-  side = {};
-  for (size_t i = 0; i < rest_.size(); ++i) {
-    if (weight_[i] <= 0.0f) continue;
-    const double w = weight_of(std::abs(static_cast<double>(left_over(i, step))), tuned, cut) * static_cast<double>(weight_[i]);
-    if (w <= 0.0) continue;
-    std::array<double, pose_terms> row;
-    for (size_t t = 0; t < pose_terms; ++t) row[t] = static_cast<double>(rows_[t][i]);
-    for (size_t t = 0; t < pose_terms; ++t) {
-      const double weighted = w * row[t];
-      side[t] += weighted * static_cast<double>(rest_[i]);
-      for (size_t k = 0; k <= t; ++k) normal[t * pose_terms + k] += weighted * row[k];
-    }
-  }
+void PoseMeasurements::add_up(const PoseVector& step, Robust robust, double limit, PoseMatrix& normal, PoseVector& side) const {
+  std::array<double, fit_sums> sums;
+  FitSums fit{};
   for (size_t t = 0; t < pose_terms; ++t) {
-    for (size_t k = 0; k < t; ++k) normal[k * pose_terms + t] = normal[t * pose_terms + k];
+    fit.terms[t] = rows_[t].data();
+    fit.step[t] = static_cast<float>(step[t]);
   }
+  fit.rest = rest_.data();
+  fit.weight = weight_.data();
+  fit.count = static_cast<int>(rest_.size());
+  fit.limit = static_cast<float>(limit);
+  fit.robust = robust;
+  fit.sums = sums.data();
+  kernels().add_up_fit(fit);
+  const double* sum = sums.data();
+  for (size_t t = 0; t < pose_terms; ++t) {
+    for (size_t k = 0; k <= t; ++k) normal[t * pose_terms + k] = normal[k * pose_terms + t] = *sum++;
+  }
+  std::copy_n(sum, pose_terms, side.begin());
 }
 
 bool PoseMeasurements::refine(PoseVector& value) {
@@ -146,7 +147,8 @@ bool PoseMeasurements::refine(PoseVector& value) {
     tuned_ = scatter(step);
     variance_ = tuned_ * tuned_;
     PoseVector side;
-    add_up(step, tuned_, round > 0, normal_, side);
+    const bool cut = round > 0;
+    add_up(step, cut ? Robust::tukey : Robust::huber, (cut ? tukey : huber) * tuned_, normal_, side);
     for (size_t t = 0; t < pose_terms; ++t) {
       side[t] = side[t] / variance_ - pull[t];
       for (size_t k = 0; k < pose_terms; ++k) normal_[t * pose_terms + k] /= variance_;
@@ -165,7 +167,7 @@ void PoseMeasurements::finish(PoseError& error) const {
   for (size_t i = 0; i < rest_.size(); ++i) {
     if (weight_[i] <= 0.0f) continue;
     const double rest = static_cast<double>(left_over(i, step_));
-    const double pull = weight_of(std::abs(rest), tuned_, true) * static_cast<double>(weight_[i]) * rest / variance_;
+    const double pull = cut_weight(std::abs(rest) / (tukey * tuned_)) * static_cast<double>(weight_[i]) * rest / variance_;
     const auto block = static_cast<size_t>(block_[i]);
     seen[block] = true;
     for (size_t t = 0; t < pose_terms; ++t) pulls[block][t] += pull * static_cast<double>(rows_[t][i]);
@@ -188,24 +190,21 @@ void PoseMeasurements::finish(PoseError& error) const {
     const double common = common_share * error.value[t];
     error.covariance[t * (pose_terms + 1)] += common * common + common_floor * common_floor;
   }
-  double square = 0.0, mean = 0.0, variance = 0.0, sum = 0.0;
-  for (size_t i = 0; i < rest_.size(); ++i) {
-    if (weight_[i] <= 0.0f) continue;
-    PoseVector row{};
-    double rows = 0.0;
-    for (size_t t = 0; t < pose_terms; ++t) {
-      row[t] = static_cast<double>(rows_[t][i]);
-      rows += error.value[t] * row[t];
+  PoseMatrix products;
+  PoseVector sums;
+  add_up(step_, Robust::none, 1.0, products, sums);
+  const auto count = static_cast<double>(std::count_if(weight_.begin(), weight_.end(), [](float w) { return w > 0.0f; }));
+  double square = 0.0, mean = 0.0, variance = 0.0;
+  for (size_t t = 0; t < pose_terms; ++t) {
+    mean += error.value[t] * sums[t];
+    for (size_t k = 0; k < pose_terms; ++k) {
+      square += error.value[t] * error.value[k] * products[t * pose_terms + k];
+      variance += error.covariance[t * pose_terms + k] * products[t * pose_terms + k];
     }
-    const PoseVector spread = multiply(error.covariance, row);
-    for (size_t t = 0; t < pose_terms; ++t) variance += row[t] * spread[t];
-    square += rows * rows;
-    mean += rows;
-    sum += 1.0;
   }
-  error.vertical_px = std::sqrt(square / sum);
-  error.vertical_se_px = std::sqrt(variance / sum);
-  error.mean_vertical_px = mean / sum;
+  error.vertical_px = std::sqrt(square / count);
+  error.vertical_se_px = std::sqrt(variance / count);
+  error.mean_vertical_px = mean / count;
 }
 
 Mat3 turn_of(const PoseVector& value) { return rotation_matrix({value[0], value[1], value[2]}); }

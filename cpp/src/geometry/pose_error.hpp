@@ -10,11 +10,12 @@
 #include <vector>
 
 #include "geometry/linear.hpp"
+#include "kernels/kernels.hpp"
 
 namespace endosdk {
 
 // Turns of the right camera about x, y and z, then the directions of the baseline down and forward, radians.
-constexpr int pose_terms = 5;
+constexpr int pose_terms = fit_terms;
 constexpr double degrees_per_radian = 57.29577951308232;
 using PoseVector = std::array<double, pose_terms>;
 using PoseMatrix = std::array<double, pose_terms * pose_terms>;
@@ -31,8 +32,15 @@ struct PosePattern {
   // Rows, px, by which the match of (x, y) at this disparity lies lower, per radian of each term.
   std::array<float, pose_terms> rows(float x, float y, float disparity) const;
 
-  // Columns, px, by which it lies further right, per radian of each turn.
-  std::array<double, 3> columns(double x, double y) const;
+  // The same of a whole turn, which along one row of pixels is linear in x and the disparity.
+  struct Line {
+    float start;
+    float per_x;
+    float per_disparity;
+
+    float at(float x, float disparity) const { return start + per_x * x + per_disparity * disparity; }
+  };
+  Line line(const PoseVector& value, double y) const;
 };
 
 struct PoseError {
@@ -54,7 +62,6 @@ struct PoseError {
 class PoseMeasurements {
  public:
   void resize(int count);
-  int count() const { return static_cast<int>(rest_.size()); }
 
   // `rest`: px that are left across the rows; a weight of 0: nothing was measured here. `block`: below pose_blocks, the part
   // of the picture.
@@ -69,7 +76,7 @@ class PoseMeasurements {
 
  private:
   double scatter(const PoseVector& step);
-  void add_up(const PoseVector& step, double tuned, bool cut, PoseMatrix& normal, PoseVector& side) const;
+  void add_up(const PoseVector& step, Robust robust, double limit, PoseMatrix& normal, PoseVector& side) const;
   float left_over(size_t i, const PoseVector& step) const;
 
   std::array<std::vector<float>, pose_terms> rows_;

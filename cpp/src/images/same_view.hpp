@@ -6,9 +6,13 @@
 namespace endosdk {
 
 // How far apart two frames show their texture, thousandths of the width: in tiles all over them, what differs, beside light
-// and noise, as a share of how steep the left frame is along its rows; the median of the half with more texture. 0 for frames of the same
-// bytes, infinite for frames of different shapes, not a number where too few tiles have texture.
+// and noise, as a share of how steep the left frame is along its rows; the median of the half with more texture. 0 for frames
+// of the same bytes, at most farthest_displacement, which frames of different shapes have too; not a number where too few
+// tiles have texture.
 double displacement_of_frames(const ImageView& left, const ImageView& right);
+
+// From there on frames have nothing in common at the same place, and nothing tells how far apart they are.
+constexpr double farthest_displacement = 100.0;
 
 // Frames less apart are one view, passed through two chains that changed it by a bit, by noise or by compression. Pairs of
 // rigs are farther apart: flat boards that face the cameras 6, tissue 12 and more.

@@ -41,12 +41,89 @@ float clamped(float value, float low, float high) {
   return floor < high ? floor : high;
 }
 
-// One plane of a row, summed over the window along it; `values` begin a reach before the first cell.
+// One plane of a row, summed over the window along it, threes of threes; `values` begin a reach before the first cell.
 void sum_along(const float* values, int cells, float* __restrict out) {
-  for (int i = 0; i < cells; ++i) {
-    float sum = values[i];
-    for (int t = 1; t < correlation_window; ++t) sum += values[i + t];
+  static_assert(correlation_window == 9);
+  float threes[chunk + 6];
+  for (int first = 0; first < cells; first += chunk) {
+    const int count = cells - first < chunk ? cells - first : chunk;
+    const float* const from = values + first;
+    for (int i = 0; i < count + 6; ++i) threes[i] = (from[i] + from[i + 1]) + from[i + 2];
+    for (int i = 0; i < count; ++i) out[first + i] = (threes[i] + threes[i + 3]) + threes[i + 6];
+  }
+}
+
+// The same place of the rows of a window, summed.
+void sum_down(const float* const* rows, ptrdiff_t from, int count, float* __restrict out) {
+  const float* window[correlation_window];
+  for (int w = 0; w < correlation_window; ++w) window[w] = rows[w] + from;
+  for (int i = 0; i < count; ++i) {
+    float sum = window[0][i];
+    for (int w = 1; w < correlation_window; ++w) sum += window[w][i];
     out[i] = sum;
+  }
+}
+
+void multiply(const float* a, const float* b, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] = a[i] * b[i];
+}
+
+// The left view, and the right one where it was matched; zero where it was not.
+void read_matches(const MatchRow& row, float* __restrict counts, float* __restrict left, float* __restrict right) {
+  const int columns = row.columns;
+  const float end = static_cast<float>(columns - 1);
+  for (int i = 0; i < row.cells; ++i) {
+    const float at = static_cast<float>(2 * i) - row.disparity[i];
+    const int inside = (at >= 0.0f) & (at <= end);  // what is no number is not
+    const float position = inside ? at : 0.0f;
+    int column = static_cast<int>(position);
+    column = column < columns - 2 ? column : columns - 2;
+    const float share = position - static_cast<float>(column);
+    const float there = row.right[column] + share * (row.right[column + 1] - row.right[column]);
+    const float one = inside ? 1.0f : 0.0f;
+    counts[i] = one;
+    left[i] = one * row.left[2 * i];
+    right[i] = one * there;
+  }
+}
+
+// From the sums over a window to its correlation, and what that leaves of the confidence.
+void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, float right_noise, int count,
+               float* __restrict correlation, float* __restrict support) {
+  const float flat = least_variance + (left_noise > right_noise ? left_noise : right_noise);
+  for (int i = 0; i < count; ++i) {
+    const float share = 1.0f / (sums[0][i] > 1.0f ? sums[0][i] : 1.0f);
+    const float left = sums[1][i] * share;
+    const float right = sums[2][i] * share;
+    const float left_varies = (sums[3][i] * share - left * left) - left_noise;
+    const float right_varies = (sums[4][i] * share - right * right) - right_noise;
+    const float together = sums[5][i] * share - left * right;
+    const float left_scale = left_varies > flat ? left_varies : flat;
+    const float right_scale = right_varies > flat ? right_varies : flat;
+    const float found = clamped(together / __builtin_sqrtf(left_scale * right_scale), -1.0f, 1.0f);
+    const float pictures = clamped((found - contradicted) * (1.0f / (supported - contradicted)), 0.0f, 1.0f);
+    const int textured = ((left_varies > flat) | (right_varies > flat)) & (sums[0][i] >= least_cells);
+    correlation[i] = textured ? found : nothing;
+    support[i] = textured ? pictures : 1.0f;
+  }
+}
+
+// Takes from the support what an edge of the disparity takes: rows above, of and below the cells, from one before them.
+void take_edges(const float* const (&around)[3], int count, float* __restrict support) {
+  for (int i = 0; i < count; ++i) {
+    const float centre = around[1][i + 1];
+    float nearest = centre;
+    float farthest = nearest;
+    for (int y = 0; y < 3; ++y) {
+      for (int x = 0; x < 3; ++x) {
+        const float d = around[y][i + x];
+        nearest = d > nearest ? d : nearest;
+        farthest = d < farthest ? d : farthest;
+      }
+    }
+    const float spread = nearest - farthest;
+    const float whole = clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
+    support[i] *= centre == centre ? whole : 1.0f;  // what is not compared has no edge
   }
 }
 
@@ -74,75 +151,23 @@ void match_row(const MatchRow& row) {
     for (int i = 0; i < correlation_reach; ++i) plane[i] = plane[correlation_reach + row.cells + i] = 0.0f;
     planes[p] = plane + correlation_reach;
   }
-  const float end = static_cast<float>(row.columns - 1);
-  for (int i = 0; i < row.cells; ++i) {
-    const float at = static_cast<float>(2 * i) - row.disparity[i];
-    const int inside = (at >= 0.0f) & (at <= end);  // what is no number is not
-    const float position = inside ? at : 0.0f;
-    int column = static_cast<int>(position);
-    column = column < row.columns - 2 ? column : row.columns - 2;
-    const float share = position - static_cast<float>(column);
-    const float there = row.right[column] + share * (row.right[column + 1] - row.right[column]);
-    const float counts = inside ? 1.0f : 0.0f;
-    const float a = counts * row.left[2 * i];
-    const float b = counts * there;
-    planes[0][i] = counts;
-    planes[1][i] = a;
-    planes[2][i] = b;
-    planes[3][i] = a * a;
-    planes[4][i] = b * b;
-    planes[5][i] = a * b;
-  }
+  read_matches(row, planes[0], planes[1], planes[2]);
+  multiply(planes[1], planes[1], row.cells, planes[3]);
+  multiply(planes[2], planes[2], row.cells, planes[4]);
+  multiply(planes[1], planes[2], row.cells, planes[5]);
   for (int p = 0; p < correlation_sums; ++p) {
     sum_along(row.scratch + p * stride, row.cells, row.sums + static_cast<ptrdiff_t>(p) * row.cells);
   }
 }
 
 void correlation_row(const CorrelationRow& row) {
-  const float noise = row.left_noise > row.right_noise ? row.left_noise : row.right_noise;
-  const float flat = least_variance + noise;
   for (int first = 0; first < row.cells; first += chunk) {
     const int count = row.cells - first < chunk ? row.cells - first : chunk;
     float sums[correlation_sums][chunk];
-    for (int p = 0; p < correlation_sums; ++p) {
-      for (int i = 0; i < count; ++i) sums[p][i] = 0.0f;
-      for (int w = 0; w < correlation_window; ++w) {
-        if (row.sums[w] == nullptr) continue;
-        const float* const values = row.sums[w] + static_cast<ptrdiff_t>(p) * row.cells + first;
-        for (int i = 0; i < count; ++i) sums[p][i] += values[i];
-      }
-    }
-    float* const correlation = row.correlation + first;
-    float* const support = row.support + first;
-    for (int i = 0; i < count; ++i) {
-      const float share = 1.0f / (sums[0][i] > 1.0f ? sums[0][i] : 1.0f);
-      const float left = sums[1][i] * share;
-      const float right = sums[2][i] * share;
-      const float left_varies = (sums[3][i] * share - left * left) - row.left_noise;
-      const float right_varies = (sums[4][i] * share - right * right) - row.right_noise;
-      const float together = sums[5][i] * share - left * right;
-      const int textured = ((left_varies > flat) | (right_varies > flat)) & (sums[0][i] >= least_cells);
-      const float scale = (left_varies > flat ? left_varies : flat) * (right_varies > flat ? right_varies : flat);
-      const float found = clamped(together / __builtin_sqrtf(scale), -1.0f, 1.0f);
-      correlation[i] = textured ? found : nothing;
-      const float pictures = clamped((found - contradicted) * (1.0f / (supported - contradicted)), 0.0f, 1.0f);
-      support[i] = textured ? pictures : 1.0f;
-    }
-    for (int i = 0; i < count; ++i) {
-      const float centre = row.disparity[1][first + i + 1];
-      float nearest = centre;
-      float farthest = nearest;
-      for (int y = 0; y < 3; ++y) {
-        for (int x = 0; x < 3; ++x) {
-          const float d = row.disparity[y][first + i + x];
-          nearest = d > nearest ? d : nearest;
-          farthest = d < farthest ? d : farthest;
-        }
-      }
-      const float spread = nearest - farthest;
-      const float whole = clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
-      support[i] *= centre == centre ? whole : 1.0f;  // what is not compared has no edge
-    }
+    for (int p = 0; p < correlation_sums; ++p) sum_down(row.sums, static_cast<ptrdiff_t>(p) * row.cells + first, count, sums[p]);
+    correlate(sums, row.left_noise, row.right_noise, count, row.correlation + first, row.support + first);
+    const float* const around[] = {row.disparity[0] + first, row.disparity[1] + first, row.disparity[2] + first};
+    take_edges(around, count, row.support + first);
   }
 }
 

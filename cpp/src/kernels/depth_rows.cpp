@@ -183,4 +183,21 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
   return usable;
 }
 
+void add_rig_sigma(const RigSigmaRow& row) {
+  const float start = row.start;
+  const float step = row.step;
+  const float constant = row.constant;
+  const float per_square = row.per_square;
+  const float per_fourth = row.per_fourth;
+  float* __restrict const sigma = row.sigma;
+  for (int x = 0; x < row.width; ++x) {
+    const float u = start + step * static_cast<float>(x);
+    const float square = u * u;
+    const float whole = 1.0f + square;
+    const float depth = row.depth[x] * row.depth[x];
+    const float adds = constant + per_square * square + per_fourth * (whole * whole);
+    sigma[x] = __builtin_sqrtf(sigma[x] * sigma[x] + depth * depth * adds);
+  }
+}
+
 }  // namespace endosdk::ENDOSDK_ISA

@@ -1,5 +1,5 @@
 // Joint bilateral upsampling, compiled once per instruction set: plain loops that the compiler vectorises. Cells are
-// taken in chunks whose sums stay in the first cache. Cells of two pixels, the usual ones, have loops of their own,
+// taken in chunks whose sums stay in the first cache. Cells of the usual numbers of pixels have loops of their own,
 // because steps can be vectorised only where their length is known.
 #include "kernels/kernels.hpp"
 #include "kernels/sets.hpp"
@@ -67,7 +67,11 @@ void add_cells(const float* __restrict red, const float* __restrict green, const
 }  // namespace
 
 void mean_cells(const uint8_t* rows, ptrdiff_t stride, int factor, int count, float* out) {
-  factor == 2 ? mean(rows, stride, 2, count, out) : mean(rows, stride, factor, count, out);
+  switch (factor) {
+    case 2: return mean(rows, stride, 2, count, out);
+    case 4: return mean(rows, stride, 4, count, out);
+    default: return mean(rows, stride, factor, count, out);
+  }
 }
 
 void trust_cells(const float* disparity, const float* confidence, int count, float* __restrict trust,

@@ -48,6 +48,19 @@ struct DepthLimits {
   float sigma_factor;    // sigma = sigma_factor * depth^2 / -log(1 - confidence)
 };
 
+// What a rig that moved adds, in squares, to one row of sigma: depth^4 times `constant` + per_square * u^2 +
+// per_fourth * (1 + u^2)^2, where u = start + step * column.
+struct RigSigmaRow {
+  const float* depth;
+  float* sigma;
+  int width;
+  float start;
+  float step;
+  float constant;
+  float per_square;
+  float per_fourth;
+};
+
 // Reduction of interleaved rows by a whole factor, 2 to 16.
 struct Reduction {
   int factor;
@@ -107,7 +120,7 @@ struct MatchRow {
 
 // How well the views agree in each cell of a row.
 struct CorrelationRow {
-  const float* sums[correlation_window];  // the rows of the window; null beyond the picture
+  const float* sums[correlation_window];  // the rows of the window; zeros beyond the picture
   const float* disparity[3];              // of the row above, this one and the one below, with a cell more at both ends
   int cells;
   float left_noise;  // variance
@@ -132,6 +145,38 @@ struct RowStepRow {
   const float* offset;
   const float* wanted;  // 1 for cells that count, 0 for others
   float* sums;          // row_step_sums planes of `cells` values, which are added to; cell 0 is left out
+};
+
+// What the sums tell of windows of three rows of three cells, the first around cell 1, one every other cell.
+struct RowWindows {
+  const float* sums;  // of a row_step_row for each of the rows
+  int cells;
+  int count;    // of windows; 2 * count < cells
+  float ridge;  // keeps windows without gradients along x from dividing by zero
+  float* counted;      // cells that count, for each window
+  float* step;         // rows that the match lies lower
+  float* information;  // the gradients along y that a wrong disparity does not explain
+};
+
+// Numbers that a robust fit of lines finds, and how many sums that takes: products of all two terms, the second not after
+// the first, then products of each with the rest.
+constexpr int fit_terms = 5;
+constexpr int fit_sums = fit_terms * (fit_terms + 1) / 2 + fit_terms;
+constexpr int fit_lanes = 8;
+
+// What a measurement counts by what is left of it: all the same; what is farther off than `limit` less, and what is so far
+// off less and less, up to nothing.
+enum class Robust { none, huber, tukey };
+
+struct FitSums {
+  const float* terms[fit_terms];  // of each measurement
+  const float* rest;
+  const float* weight;
+  int count;  // a multiple of fit_lanes
+  float step[fit_terms];  // of which what is left is taken
+  float limit;
+  Robust robust;  // none: the weights count as 1, where they are not 0, and the rest as 1
+  double* sums;
 };
 
 // Every kernel, written once: what it returns, its name, what it takes. `Kernels` and all its sets are made of this.
@@ -164,6 +209,9 @@ struct RowStepRow {
   KERNEL(void, match_row, (const MatchRow& row))                                                                       \
   KERNEL(void, correlation_row, (const CorrelationRow& row))                                                           \
   KERNEL(void, row_step_row, (const RowStepRow& row))                                                                 \
+  KERNEL(void, row_windows, (const RowWindows& row))                                                                  \
+  KERNEL(void, add_up_fit, (const FitSums& fit))                                                                      \
+  KERNEL(void, add_rig_sigma, (const RigSigmaRow& row))                                                                \
   /* Returns the number of pixels without a reason. */                                                                 \
   KERNEL(int, depth_row, (const DepthRow& row, const DepthLimits& limits))
 

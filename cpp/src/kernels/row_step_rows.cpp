@@ -1,4 +1,4 @@
-// Sums for a Lucas-Kanade step between two views at the matches found, compiled once per instruction set: a plain loop that
+// Sums for a Lucas-Kanade step between two views at the matches found, compiled once per instruction set: plain loops that
 // the compiler vectorises.
 #include "kernels/kernels.hpp"
 #include "kernels/sets.hpp"
@@ -10,50 +10,91 @@ namespace {
 constexpr float darkest = 6.0f;
 constexpr float brightest = 245.0f;
 
+// Cells at a time.
+constexpr int chunk = 128;
+
+void add_products(const float* a, const float* b, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] += a[i] * b[i];
+}
+
+void add(const float* values, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] += values[i];
+}
+
+// One step of each window, whose values are taken about their mean over all its cells.
+void solve(const float (&s)[row_step_sums][chunk], float ridge, float share, int count, float* __restrict counted,
+           float* __restrict step, float* __restrict information) {
+  for (int i = 0; i < count; ++i) {
+    const float xx = s[4][i] - s[1][i] * s[1][i] * share + ridge;
+    const float xy = s[5][i] - s[1][i] * s[2][i] * share;
+    const float yy = s[6][i] - s[2][i] * s[2][i] * share;
+    const float along = s[7][i] - s[1][i] * s[3][i] * share;
+    const float across = s[8][i] - s[2][i] * s[3][i] * share;
+    const float determinant = xx * yy - xy * xy;
+    counted[i] = s[0][i];
+    step[i] = (xx * across - xy * along) / determinant;
+    information[i] = determinant / xx;
+  }
+}
+
 }  // namespace
 
 void row_step_row(const RowStepRow& row) {
   const ptrdiff_t columns = row.columns;
-  const float* const here = row.left + row.row * columns;
-  const float* const above = here - columns;
-  const float* const below = here + columns;
   const float end = static_cast<float>(row.columns - 1);
   const float bottom = static_cast<float>(row.rows - 1);
   const float place = static_cast<float>(row.row);
-  float* const sums = row.sums;
-  const ptrdiff_t plane = row.cells;
-  for (int i = 1; i < row.cells; ++i) {  // the first cell has no column to its left
-    const float at = static_cast<float>(2 * i) - row.disparity[i];
-    const float lower = place + row.offset[i];
-    const int inside = (at >= 0.0f) & (at <= end) & (lower >= 0.0f) & (lower <= bottom);  // what is no number is not
-    const float x = inside ? at : 0.0f;
-    const float y = inside ? lower : 0.0f;
-    int column = static_cast<int>(x);
-    int line = static_cast<int>(y);
-    column = column < row.columns - 2 ? column : row.columns - 2;
-    line = line < row.rows - 2 ? line : row.rows - 2;
-    const float along = x - static_cast<float>(column);
-    const float down = y - static_cast<float>(line);
-    const int from = line * row.columns + column;
+  for (int first = 1; first < row.cells; first += chunk) {  // the first cell has no column to its left
+    const int count = row.cells - first < chunk ? row.cells - first : chunk;
+    const float* const here = row.left + row.row * columns + 2 * first;
+    const float* const above = here - columns;
+    const float* const below = here + columns;
+    const float* const disparity = row.disparity + first;
+    const float* const offset = row.offset + first;
+    const float* const wanted = row.wanted + first;
     const float* const right = row.right;
-    const float upper = right[from] + along * (right[from + 1] - right[from]);
-    const float under = right[from + row.columns] + along * (right[from + row.columns + 1] - right[from + row.columns]);
-    const float there = upper + down * (under - upper);
-    const float level = here[2 * i];
-    const int lit = (level > darkest) & (level < brightest) & (there > darkest) & (there < brightest);
-    const float counts = (inside & lit) != 0 ? row.wanted[i] : 0.0f;
-    const float gx = counts * 0.5f * (here[2 * i + 1] - here[2 * i - 1]);
-    const float gy = counts * 0.5f * (below[2 * i] - above[2 * i]);
-    const float rest = counts * (level - there);
-    sums[i] += counts;
-    sums[plane + i] += gx;
-    sums[2 * plane + i] += gy;
-    sums[3 * plane + i] += rest;
-    sums[4 * plane + i] += gx * gx;
-    sums[5 * plane + i] += gx * gy;
-    sums[6 * plane + i] += gy * gy;
-    sums[7 * plane + i] += gx * rest;
-    sums[8 * plane + i] += gy * rest;
+    float counts[chunk], gx[chunk], gy[chunk], rest[chunk];
+    for (int i = 0; i < count; ++i) {
+      const float at = static_cast<float>(2 * (first + i)) - disparity[i];
+      const float lower = place + offset[i];
+      const int inside = (at >= 0.0f) & (at <= end) & (lower >= 0.0f) & (lower <= bottom);  // what is no number is not
+      const float x = inside ? at : 0.0f;
+      const float y = inside ? lower : 0.0f;
+      int column = static_cast<int>(x);
+      int line = static_cast<int>(y);
+      column = column < row.columns - 2 ? column : row.columns - 2;
+      line = line < row.rows - 2 ? line : row.rows - 2;
+      const float along = x - static_cast<float>(column);
+      const float down = y - static_cast<float>(line);
+      const int from = line * row.columns + column;
+      const float upper = right[from] + along * (right[from + 1] - right[from]);
+      const float under = right[from + row.columns] + along * (right[from + row.columns + 1] - right[from + row.columns]);
+      const float there = upper + down * (under - upper);
+      const float level = here[2 * i];
+      const int lit = (level > darkest) & (level < brightest) & (there > darkest) & (there < brightest);
+      counts[i] = (inside & lit) != 0 ? wanted[i] : 0.0f;
+      gx[i] = counts[i] * 0.5f * (here[2 * i + 1] - here[2 * i - 1]);
+      gy[i] = counts[i] * 0.5f * (below[2 * i] - above[2 * i]);
+      rest[i] = counts[i] * (level - there);
+    }
+    float* const sums = row.sums + first;
+    const float* const plain[] = {counts, gx, gy, rest};
+    for (int p = 0; p < 4; ++p) add(plain[p], count, sums + p * static_cast<ptrdiff_t>(row.cells));
+    const float* const factors[][2] = {{gx, gx}, {gx, gy}, {gy, gy}, {gx, rest}, {gy, rest}};
+    for (int p = 0; p < 5; ++p) add_products(factors[p][0], factors[p][1], count, sums + (4 + p) * static_cast<ptrdiff_t>(row.cells));
+  }
+}
+
+void row_windows(const RowWindows& row) {
+  constexpr float share = 1.0f / 9.0f;
+  for (int first = 0; first < row.count; first += chunk) {
+    const int count = row.count - first < chunk ? row.count - first : chunk;
+    float sums[row_step_sums][chunk];
+    for (int p = 0; p < row_step_sums; ++p) {
+      const float* const plane = row.sums + p * static_cast<ptrdiff_t>(row.cells) + 2 * first;
+      for (int i = 0; i < count; ++i) sums[p][i] = plane[2 * i] + plane[2 * i + 1] + plane[2 * i + 2];
+    }
+    solve(sums, row.ridge, share, count, row.counted + first, row.step + first, row.information + first);
   }
 }
 

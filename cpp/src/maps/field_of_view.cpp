@@ -1,6 +1,8 @@
 #include "maps/field_of_view.hpp"
 
 #include <algorithm>
+#include <cstring>
+#include <utility>
 
 namespace endosdk {
 namespace {
@@ -12,10 +14,7 @@ constexpr double least_border = 0.02;   // of the border that must be dark
 constexpr double least_outside = 0.005;  // of the picture; less is no field of view
 constexpr double least_inside = 0.1;
 
-enum Mark : uint8_t { unseen = 0, outside = 1, inside_part = 2, largest_part = 3 };
-
-constexpr int steps_x[] = {1, -1, 0, 0};
-constexpr int steps_y[] = {0, 0, 1, -1};
+enum Mark : uint8_t { inside_mark = 0, outside_mark = 1 };
 
 template <typename Visit>
 void for_border(Size size, Visit visit) {
@@ -35,27 +34,9 @@ float median(std::vector<float>& values) {
   return *middle;
 }
 
-// Adds the cells of one mark that are joined to those on the stack; returns how many it took.
-template <typename Takes>
-int spread(Size size, std::vector<int32_t>& stack, std::vector<uint8_t>& marks, Mark mark, Takes takes) {
-  int count = static_cast<int>(stack.size());
-  while (!stack.empty()) {
-    const int at = stack.back();
-    stack.pop_back();
-    const int x = at % size.width;
-    const int y = at / size.width;
-    for (int i = 0; i < 4; ++i) {
-      const int u = x + steps_x[i];
-      const int v = y + steps_y[i];
-      if (u < 0 || v < 0 || u >= size.width || v >= size.height) continue;
-      const int next = v * size.width + u;
-      if (marks[static_cast<size_t>(next)] != unseen || !takes(next)) continue;
-      marks[static_cast<size_t>(next)] = mark;
-      stack.push_back(next);
-      ++count;
-    }
-  }
-  return count;
+const uint8_t* first_of(const uint8_t* begin, const uint8_t* end, uint8_t mark) {
+  const void* const found = std::memchr(begin, mark, static_cast<size_t>(end - begin));
+  return found != nullptr ? static_cast<const uint8_t*>(found) : end;
 }
 
 }  // namespace
@@ -70,15 +51,19 @@ void FieldOfView::find(const float* levels, Size cells) {
   });
   if (steps_.empty() || static_cast<double>(steps_.size()) < least_border * border) return;
   const float base = median(steps_);
-  fill_from_border(levels, base + evenness);
+  const float most = base + evenness;
+  for (size_t i = 0; i < mark_.size(); ++i) mark_[i] = levels[i] <= most ? outside_mark : inside_mark;
+  find_parts(outside_mark);
+  keep_those_at_the_border();
   if (!ends_at_an_edge(levels, base) || !find_largest_part()) return;
   is_part_ = write() <= 1.0 - least_outside;
 }
 
 void FieldOfView::take(const std::vector<uint8_t>& inside, Size cells) {
   make_room(cells);
-  std::transform(inside.begin(), inside.end(), mark_.begin(), [](uint8_t cell) { return cell != 0 ? largest_part : outside; });
-  find_extents(largest_part);
+  std::transform(inside.begin(), inside.end(), mark_.begin(), [](uint8_t cell) { return cell != 0 ? inside_mark : outside_mark; });
+  find_parts(inside_mark);
+  for (const Run& run : runs_) add(run);
   is_part_ = write() < 1.0;
 }
 
@@ -88,13 +73,12 @@ void FieldOfView::make_room(Size cells) {
   is_part_ = false;
   share_ = 1.0;
   const size_t count = static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height);
-  mark_.assign(count, unseen);
+  mark_.resize(count);
   inside_.resize(count);
-  stack_.clear();
-  stack_.reserve(count);
+  runs_.reserve(count / 2 + static_cast<size_t>(cells.height));
   steps_.clear();
   steps_.reserve(4 * count);
-  extents_.resize(static_cast<size_t>(cells.height));
+  extents_.assign(static_cast<size_t>(cells.height), {cells.width, -1});
   hull_.reserve(static_cast<size_t>(cells.height));
 }
 
@@ -111,70 +95,104 @@ FieldOfView::Extent FieldOfView::extent(int y, int from_edge) const {
   return found;
 }
 
-void FieldOfView::fill_from_border(const float* levels, float most) {
-  for_border(size_, [&](int at) {
-    uint8_t& mark = mark_[static_cast<size_t>(at)];
-    if (levels[at] > most || mark == outside) return;
-    mark = outside;
-    stack_.push_back(at);
-  });
-  spread(size_, stack_, mark_, outside, [&](int at) { return levels[at] <= most; });
+// Runs of cells with one mark; those that touch, side by side, are of one part.
+void FieldOfView::find_parts(uint8_t mark) {
+  runs_.clear();
+  size_t above = 0;
+  for (int y = 0; y < size_.height; ++y) {
+    const uint8_t* const row = mark_.data() + static_cast<ptrdiff_t>(y) * size_.width;
+    const uint8_t* const end = row + size_.width;
+    const size_t begin = runs_.size();
+    for (const uint8_t* at = first_of(row, end, mark); at < end; at = first_of(at, end, mark)) {
+      const int first = static_cast<int>(at - row);
+      at = first_of(at, end, static_cast<uint8_t>(1 - mark));
+      const int last = static_cast<int>(at - row) - 1;
+      const auto here = static_cast<int32_t>(runs_.size());
+      runs_.push_back({y, first, last, here, last - first + 1});
+      while (above < begin && runs_[above].last < first) ++above;
+      for (size_t i = above; i < begin && runs_[i].first <= last; ++i) join(static_cast<int32_t>(i), here);
+    }
+    above = begin;
+  }
 }
 
+// The first run of its part.
+int32_t FieldOfView::part_of(int32_t run) {
+  while (true) {
+    int32_t& part = runs_[static_cast<size_t>(run)].part;
+    if (part == run) return run;
+    part = runs_[static_cast<size_t>(part)].part;
+    run = part;
+  }
+}
+
+void FieldOfView::join(int32_t a, int32_t b) {
+  a = part_of(a);
+  b = part_of(b);
+  if (a == b) return;
+  if (a > b) std::swap(a, b);
+  runs_[static_cast<size_t>(b)].part = a;
+  runs_[static_cast<size_t>(a)].cells += runs_[static_cast<size_t>(b)].cells;
+}
+
+// Of the dark parts, those that reach the border of the picture lie outside.
+void FieldOfView::keep_those_at_the_border() {
+  const auto count = static_cast<int32_t>(runs_.size());
+  for (int32_t i = 0; i < count; ++i) {
+    const Run& run = runs_[static_cast<size_t>(i)];
+    const bool at_border = run.y == 0 || run.y == size_.height - 1 || run.first == 0 || run.last == size_.width - 1;
+    if (at_border) runs_[static_cast<size_t>(part_of(i))].cells = 0;
+  }
+  for (int32_t i = 0; i < count; ++i) {
+    if (runs_[static_cast<size_t>(part_of(i))].cells == 0) continue;
+    const Run& run = runs_[static_cast<size_t>(i)];
+    std::fill_n(mark_.begin() + static_cast<ptrdiff_t>(run.y) * size_.width + run.first, run.last - run.first + 1, inside_mark);
+  }
+}
+
+// What lies two cells further in than the outside, less what is outside: the middle of all edges.
 bool FieldOfView::ends_at_an_edge(const float* levels, float base) {
   steps_.clear();
-  for (int y = 0; y < size_.height; ++y) {
-    for (int x = 0; x < size_.width; ++x) {
-      if (mark_[static_cast<size_t>(y * size_.width + x)] != outside) continue;
-      for (int i = 0; i < 4; ++i) {
-        const int u = x + 2 * steps_x[i];
-        const int v = y + 2 * steps_y[i];
-        if (u < 0 || v < 0 || u >= size_.width || v >= size_.height) continue;
-        const int next = (y + steps_y[i]) * size_.width + x + steps_x[i];
-        const int beyond = v * size_.width + u;
-        if (mark_[static_cast<size_t>(next)] == outside || mark_[static_cast<size_t>(beyond)] == outside) continue;
-        steps_.push_back(levels[beyond] - base);
-      }
+  const auto look = [&](ptrdiff_t at, ptrdiff_t step) {
+    if (mark_[static_cast<size_t>(at + step)] == inside_mark && mark_[static_cast<size_t>(at + 2 * step)] == inside_mark) {
+      steps_.push_back(levels[at + 2 * step] - base);
+    }
+  };
+  for (const Run& run : runs_) {
+    const ptrdiff_t row = static_cast<ptrdiff_t>(run.y) * size_.width;
+    if (mark_[static_cast<size_t>(row + run.first)] != outside_mark) continue;
+    if (run.first >= 2) look(row + run.first, -1);
+    if (run.last + 2 < size_.width) look(row + run.last, 1);
+    for (const int direction : {-1, 1}) {
+      if (run.y + 2 * direction < 0 || run.y + 2 * direction >= size_.height) continue;
+      for (int x = run.first; x <= run.last; ++x) look(row + x, static_cast<ptrdiff_t>(direction) * size_.width);
     }
   }
   return !steps_.empty() && median(steps_) >= least_edge;
 }
 
-// Marks it; text beside the field is in other parts.
+// Its extents; text beside the field is in other parts.
 bool FieldOfView::find_largest_part() {
-  const int count = size_.width * size_.height;
-  int most = 0;
-  int start = -1;
-  for (int at = 0; at < count; ++at) {
-    if (mark_[static_cast<size_t>(at)] != unseen) continue;
-    mark_[static_cast<size_t>(at)] = inside_part;
-    stack_.push_back(at);
-    const int cells = spread(size_, stack_, mark_, inside_part, [](int) { return true; });
-    if (cells > most) {
-      most = cells;
-      start = at;
-    }
+  find_parts(inside_mark);
+  int32_t largest = -1;
+  int32_t most = 0;
+  const auto count = static_cast<int32_t>(runs_.size());
+  for (int32_t i = 0; i < count; ++i) {
+    if (part_of(i) != i || runs_[static_cast<size_t>(i)].cells <= most) continue;
+    most = runs_[static_cast<size_t>(i)].cells;
+    largest = i;
   }
-  if (most < least_inside * count) return false;
-  for (uint8_t& mark : mark_) mark = mark == inside_part ? unseen : outside;
-  mark_[static_cast<size_t>(start)] = largest_part;
-  stack_.push_back(start);
-  spread(size_, stack_, mark_, largest_part, [](int) { return true; });
-  find_extents(largest_part);
+  if (most < least_inside * static_cast<double>(mark_.size())) return false;
+  for (int32_t i = 0; i < count; ++i) {
+    if (part_of(i) == largest) add(runs_[static_cast<size_t>(i)]);
+  }
   return true;
 }
 
-void FieldOfView::find_extents(uint8_t mark) {
-  for (int y = 0; y < size_.height; ++y) {
-    const uint8_t* const row = mark_.data() + static_cast<ptrdiff_t>(y) * size_.width;
-    Extent& extent = extents_[static_cast<size_t>(y)];
-    extent = {size_.width, -1};
-    for (int x = 0; x < size_.width; ++x) {
-      if (row[x] != mark) continue;
-      extent.first = std::min(extent.first, x);
-      extent.last = x;
-    }
-  }
+void FieldOfView::add(const Run& run) {
+  Extent& extent = extents_[static_cast<size_t>(run.y)];
+  extent.first = std::min(extent.first, run.first);
+  extent.last = std::max(extent.last, run.last);
 }
 
 // Takes away the dents of one side, -1: left, 1: right: rows between two others reach at least as far as the line that

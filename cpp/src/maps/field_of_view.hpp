@@ -44,11 +44,23 @@ class FieldOfView {
   double share() const { return share_; }
 
  private:
+  // Neighbouring cells of a row that are taken for the same.
+  struct Run {
+    int y;
+    int first;
+    int last;
+    int32_t part;  // a run before it, or itself, of the same part
+    int32_t cells;  // of the whole part, where it is its first run
+  };
+
   void make_room(Size cells);
-  void fill_from_border(const float* levels, float most);
+  void find_parts(uint8_t mark);
+  int32_t part_of(int32_t run);
+  void join(int32_t a, int32_t b);
+  void add(const Run& run);
+  void keep_those_at_the_border();
   bool ends_at_an_edge(const float* levels, float base);
   bool find_largest_part();
-  void find_extents(uint8_t mark);
   void straighten(int side);
   double write();
 
@@ -56,7 +68,7 @@ class FieldOfView {
   bool is_part_ = false;
   double share_ = 1.0;
   std::vector<uint8_t> mark_;  // what a cell is taken for
-  std::vector<int32_t> stack_;
+  std::vector<Run> runs_;
   std::vector<float> steps_;
   std::vector<Extent> extents_;
   std::vector<int32_t> hull_;

@@ -1,22 +1,45 @@
 #include "maps/field_rows.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace endosdk {
 namespace {
 
-constexpr float wholly = 0.999f;
+// Shares of a cell this small are none.
+constexpr float least_share = 0.001f;
+
+// The cells between whose middles an output pixel lies; one, where it lies on it.
+FieldOfView::Extent cells_around(int out, double scale, int size) {
+  const auto place = std::clamp(static_cast<float>((out + 0.5) * scale - 0.5), 0.0f, static_cast<float>(size - 1));
+  return {static_cast<int>(std::floor(place + least_share)), static_cast<int>(std::ceil(place - least_share))};
+}
 
 }  // namespace
 
-void FieldRows::prepare(const FieldOfView& left, const FieldOfView& right, int out_width, Scale scale) {
+void FieldRows::prepare(const FieldOfView& left, const FieldOfView& right, int out_width, Scale scale, int workers) {
   width_ = out_width;
+  scale_ = scale;
   left_.field = &left;
   right_.field = &right;
   for (Side* side : {&left_, &right_}) {
-    const FloatView map = side->field->map();
-    side->resizer.prepare(map.width, map.height, out_width, scale);
-    const size_t needed = static_cast<size_t>(out_width) * static_cast<size_t>(side->resizer.workers());
-    side->rows.resize(needed);
-    values_.resize(needed);
+    side->rows.resize(static_cast<size_t>(out_width) * static_cast<size_t>(workers));
+    const int cells = side->field->map().width;
+    side->first.resize(static_cast<size_t>(cells + 1));
+    side->end.resize(static_cast<size_t>(cells + 1));
+    if (!side->field->is_part()) continue;
+    std::fill(side->first.begin(), side->first.end(), out_width);
+    std::fill(side->end.begin(), side->end.end(), 0);
+    for (int x = out_width - 1; x >= 0; --x) side->first[static_cast<size_t>(cells_around(x, scale.x, cells).first)] = x;
+    for (int x = 0; x < out_width; ++x) side->end[static_cast<size_t>(cells_around(x, scale.x, cells).last)] = x + 1;
+    for (int c = cells - 1; c >= 0; --c) {
+      int& first = side->first[static_cast<size_t>(c)];
+      first = std::min(first, side->first[static_cast<size_t>(c + 1)]);
+    }
+    for (int c = 1; c < cells; ++c) {
+      int& end = side->end[static_cast<size_t>(c)];
+      end = std::max(end, side->end[static_cast<size_t>(c - 1)]);
+    }
   }
 }
 
@@ -30,12 +53,20 @@ const uint8_t* FieldRows::right(int y, int worker, const uint8_t* valid) {
   return both;
 }
 
+// A pixel is inside where all cells around it are.
 const uint8_t* FieldRows::row(Side& side, int y, int worker) {
   if (!side.field->is_part()) return nullptr;
-  float* const values = values_.data() + static_cast<ptrdiff_t>(worker) * width_;
+  const FieldOfView::Extent around = cells_around(y, scale_.y, side.field->map().height);
+  const FieldOfView::Extent upper = side.field->extent(around.first, 0);
+  const FieldOfView::Extent lower = side.field->extent(around.last, 0);
+  const int first_cell = std::max(upper.first, lower.first);
+  const int last_cell = std::min(upper.last, lower.last);
   uint8_t* const inside = side.rows.data() + static_cast<ptrdiff_t>(worker) * width_;
-  side.resizer.row(side.field->map(), y, 1.0f, worker, values);
-  for (int x = 0; x < width_; ++x) inside[x] = values[x] >= wholly ? 1 : 0;
+  std::fill_n(inside, width_, uint8_t{0});
+  if (last_cell < first_cell) return inside;
+  const int first = side.first[static_cast<size_t>(first_cell)];
+  const int end = side.end[static_cast<size_t>(last_cell)];
+  if (end > first) std::fill_n(inside + first, end - first, uint8_t{1});
   return inside;
 }
 

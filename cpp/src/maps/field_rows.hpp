@@ -14,7 +14,7 @@ namespace endosdk {
 class FieldRows {
  public:
   // To be called for every frame. `scale` counts cells of the fields per output pixel.
-  void prepare(const FieldOfView& left, const FieldOfView& right, int out_width, Scale scale);
+  void prepare(const FieldOfView& left, const FieldOfView& right, int out_width, Scale scale, int workers);
 
   // 1 for pixels inside the left field, 0 for others; null where all are inside. Half a cell along the edge is outside,
   // because there a cell shows both. Good until the worker's next call.
@@ -26,16 +26,17 @@ class FieldRows {
  private:
   struct Side {
     const FieldOfView* field = nullptr;
-    RowResizer resizer;
+    std::vector<int> first;  // output pixel, of those whose cells begin at each cell or after it
+    std::vector<int> end;    // after the last one of those whose cells end at each cell or before it
     std::vector<uint8_t> rows;  // per worker
   };
 
   const uint8_t* row(Side& side, int y, int worker);
 
   int width_ = 0;
+  Scale scale_;
   Side left_;
   Side right_;
-  std::vector<float> values_;  // per worker
 };
 
 }  // namespace endosdk

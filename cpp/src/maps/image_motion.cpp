@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "kernels/kernels.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -38,25 +39,54 @@ float blend(const FloatView& map, const Between& x, const Between& y) {
   return upper * (1.0f - y.share) + lower * y.share;
 }
 
-void subtract_mean(Patch& values) {
+// Sums run down the columns of a patch first, so that the compiler adds whole rows.
+using PatchRow = std::array<float, ImageMotion::patch>;
+
+float sum_of(const PatchRow& row) {
   float sum = 0.0f;
-  for (const float value : values) sum += value;
-  const float mean = sum / cells;
+  for (const float value : row) sum += value;
+  return sum;
+}
+
+void subtract_mean(Patch& values) {
+  PatchRow sums{};
+  for (size_t i = 0; i < values.size(); i += sums.size()) {
+    for (size_t x = 0; x < sums.size(); ++x) sums[x] += values[i + x];
+  }
+  const float mean = sum_of(sums) / cells;
   for (float& value : values) value -= mean;
 }
 
 float product(const Patch& a, const Patch& b) {
-  float sum = 0.0f;
-  for (int i = 0; i < cells; ++i) sum += a[static_cast<size_t>(i)] * b[static_cast<size_t>(i)];
-  return sum;
+  PatchRow sums{};
+  for (size_t i = 0; i < a.size(); i += sums.size()) {
+    for (size_t x = 0; x < sums.size(); ++x) sums[x] += a[i + x] * b[i + x];
+  }
+  return sum_of(sums);
+}
+
+// Two neighbouring rows of a patch that lies inside the map, blended; its columns lie equally far between pixels.
+void blend_row(const float* above, const float* below, float along, float down, float* __restrict out) {
+  for (int x = 0; x < ImageMotion::patch; ++x) {
+    const float upper = above[x] * (1.0f - along) + above[x + 1] * along;
+    const float lower = below[x] * (1.0f - along) + below[x + 1] * along;
+    out[x] = upper * (1.0f - down) + lower * down;
+  }
 }
 
 // The patch whose first pixel lies at (left, top), which may be between pixels.
 void read_patch(const FloatView& map, float left, float top, Patch& out) {
+  const Between column(left, map.width);
+  const bool inside = left >= 0.0f && column.first + ImageMotion::patch < map.width;
   for (int y = 0; y < ImageMotion::patch; ++y) {
     const Between row(top + static_cast<float>(y), map.height);
-    for (int x = 0; x < ImageMotion::patch; ++x) {
-      out[static_cast<size_t>(y * ImageMotion::patch + x)] = blend(map, Between(left + static_cast<float>(x), map.width), row);
+    float* const to = out.data() + static_cast<ptrdiff_t>(y) * ImageMotion::patch;
+    if (inside) {
+      const float* const above = map.data + static_cast<ptrdiff_t>(row.first) * map.width + column.first;
+      const float* const below = map.data + static_cast<ptrdiff_t>(row.second) * map.width + column.first;
+      blend_row(above, below, column.share, row.share, to);
+    } else {
+      for (int x = 0; x < ImageMotion::patch; ++x) to[x] = blend(map, Between(left + static_cast<float>(x), map.width), row);
     }
   }
   subtract_mean(out);
@@ -138,16 +168,9 @@ void BrightnessPyramid::read(const PlanarView& view, Size picture) {
   unit_ = std::max(1, (picture.width + columns / 2) / columns);
   maps_[0].resize({picture.width / unit_, picture.height / unit_});
   const Size size = maps_[0].size;
-  const float share = 1.0f / static_cast<float>(unit_ * unit_);
   for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      int sum = 0;
-      for (int row = 0; row < unit_; ++row) {
-        const uint8_t* const from = view.row(green, y * unit_ + row) + static_cast<ptrdiff_t>(x) * unit_;
-        for (int column = 0; column < unit_; ++column) sum += from[column];
-      }
-      maps_[0].values[static_cast<size_t>(y) * static_cast<size_t>(size.width) + static_cast<size_t>(x)] = share * static_cast<float>(sum);
-    }
+    float* const out = maps_[0].values.data() + static_cast<ptrdiff_t>(y) * size.width;
+    kernels().mean_cells(view.row(green, y * unit_), view.width, unit_, size.width, out);
   }
   levels_ = 1;
   while (levels_ < most_levels && std::min(maps_[levels_ - 1].size.width, maps_[levels_ - 1].size.height) >= 4 * ImageMotion::patch) {

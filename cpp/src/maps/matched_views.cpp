@@ -69,7 +69,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   for (auto& plane : levels_) plane.resize(cells);
   correlation_.resize(cells);
   support_.resize(cells);
-  sums_.resize(correlation_sums * cells);
+  sums_.resize(correlation_sums * (cells + static_cast<size_t>(cells_.width)));
   if (cells == 0) {
     left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
     return;
@@ -103,10 +103,12 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
     }
   });
   place(disparity, grid);
+  const ptrdiff_t row_of_sums = static_cast<ptrdiff_t>(correlation_sums) * cells_.width;
+  const auto sums_of = [&](int y) { return sums_.data() + y * row_of_sums; };
+  std::fill_n(sums_of(cells_.height), row_of_sums, 0.0f);  // of what lies beyond the picture
   const auto match_rows = [&](int begin, int end, int worker) {
     for (int y = begin; y < end; ++y) {
-      float* const sums = sums_.data() + static_cast<ptrdiff_t>(y) * correlation_sums * cells_.width;
-      kernels().match_row({this->left(y), this->right(y), 2 * cells_.width, this->disparity(y), cells_.width, scratch_of(worker), sums});
+      kernels().match_row({this->left(y), this->right(y), 2 * cells_.width, this->disparity(y), cells_.width, scratch_of(worker), sums_of(y)});
     }
   };
   parallel_for(cells_.height, rows_per_block, match_rows, workers);
@@ -118,8 +120,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
       CorrelationRow row{};
       for (int w = 0; w < correlation_window; ++w) {
         const int from = y + w - correlation_reach;
-        const bool inside = from >= 0 && from < cells_.height;
-        row.sums[w] = inside ? sums_.data() + static_cast<ptrdiff_t>(from) * correlation_sums * cells_.width : nullptr;
+        row.sums[w] = sums_of(from >= 0 && from < cells_.height ? from : cells_.height);
       }
       for (int i = 0; i < 3; ++i) row.disparity[i] = this->disparity(y + i - 1) - 1;
       row.cells = cells_.width;
@@ -141,7 +142,10 @@ void MatchedViews::place(const FloatView& disparity, Scale grid) {
   const auto place_of = [this](int cell, double scale, int count) {
     return std::min(static_cast<int>((2 * cell + 1) * unit_ * scale), count - 1);
   };
-  const bool whole_right = !field(1).is_part();
+  columns_of_grid_.resize(static_cast<size_t>(cells_.width));
+  for (int x = 0; x < cells_.width; ++x) columns_of_grid_[static_cast<size_t>(x)] = place_of(x, grid.x, disparity.width);
+  const int32_t* const column = columns_of_grid_.data();
+  const bool whole = !field(0).is_part() && !field(1).is_part();
   const float columns_per_pixel = 1.0f / static_cast<float>(unit_);
   for (int y = -1; y <= cells_.height; ++y) {
     const int row = std::clamp(y, 0, cells_.height - 1);
@@ -150,12 +154,12 @@ void MatchedViews::place(const FloatView& disparity, Scale grid) {
     const FieldOfView::Extent right = field(1).extent(row, edge_cells);
     const float* const source = disparity.data + static_cast<ptrdiff_t>(from) * disparity.width;
     float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + 1) * stride;
-    for (int x = 0; x < cells_.width; ++x) {
-      const float found = columns_per_pixel * source[place_of(x, grid.x, disparity.width)];
-      const float match = static_cast<float>(x) - 0.5f * found;
+    for (int x = 0; x < cells_.width; ++x) out[x + 1] = columns_per_pixel * source[column[x]];
+    for (int x = 0; !whole && x < cells_.width; ++x) {
+      const float match = static_cast<float>(x) - 0.5f * out[x + 1];
       const bool here = x >= left.first && x <= left.last;
-      const bool there = whole_right || (match >= static_cast<float>(right.first) && match <= static_cast<float>(right.last));
-      out[x + 1] = here && there ? found : std::numeric_limits<float>::quiet_NaN();
+      const bool there = !field(1).is_part() || (match >= static_cast<float>(right.first) && match <= static_cast<float>(right.last));
+      if (!here || !there) out[x + 1] = std::numeric_limits<float>::quiet_NaN();
     }
     out[0] = out[1];
     out[stride - 1] = out[stride - 2];
@@ -180,9 +184,10 @@ void MatchedViews::sum_up() {
   double squares = 0.0;
   int textured = 0;
   for (int y = 0; y < cells_.height; ++y) {
-    for (int x = 0; x < cells_.width; ++x) {
+    const FieldOfView::Extent seen = field(0).extent(y, 0);
+    for (int x = seen.first; x <= seen.last; ++x) {
       const auto correlation = static_cast<double>(this->correlation(y)[x]);
-      if (std::isnan(correlation) || !sees(0, x, y)) continue;
+      if (std::isnan(correlation)) continue;
       sum += correlation;
       squares += correlation * correlation;
       ++textured;

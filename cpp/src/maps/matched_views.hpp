@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "images/image.hpp"
@@ -91,6 +92,7 @@ class MatchedViews {
   std::vector<float> sums_;
   std::vector<float> correlation_;
   std::vector<float> support_;
+  std::vector<int32_t> columns_of_grid_;  // of the disparity, for each cell
   std::vector<float> scratch_;  // per worker
 };
 

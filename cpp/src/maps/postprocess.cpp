@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -122,6 +123,7 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   GlareRows& views = scratch.glare;
   if (has_view) views.prepare(input.left, width, input.view_scale, workers);
   FloatView confidence = input.confidence;
+  const auto started = std::chrono::steady_clock::now();
   if (input.right.data != nullptr) {
     const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
     scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells, input.fields);
@@ -135,8 +137,9 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   const bool has_fields = input.right.data != nullptr && scratch.views.size().width > 0;
   if (has_fields) {
     const double cell = 2.0 * scratch.views.unit();
-    fields.prepare(scratch.views.field(0), scratch.views.field(1), width, {input.view_scale.y / cell, input.view_scale.x / cell});
+    fields.prepare(scratch.views.field(0), scratch.views.field(1), width, {input.view_scale.y / cell, input.view_scale.x / cell}, workers);
   }
+  scratch.trust_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
   const DepthLimits limits = limits_of(input);
   const RigSigma rig_sigma(input.right.data != nullptr ? scratch.rows.latest() : PoseError(), input.pattern,
                            static_cast<double>(limits.focal_baseline));

@@ -60,6 +60,7 @@ struct PostprocessScratch {
   PhotometricConsistency consistency;
   RowDisparity rows;
   ViewMeasures measures;
+  double trust_ms = 0.0;  // what comparing the views of the latest frame took
 };
 
 // Where the left view has a whole number of pixels, two or more, per cell of the disparity, the disparity comes to the

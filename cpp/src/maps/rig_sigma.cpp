@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/kernels.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -22,14 +24,12 @@ RigSigma::RigSigma(const PoseError& error, const PosePattern& pattern, double fo
 
 void RigSigma::add(const float* depth, int y, int width, float* sigma) const {
   if (!adds_) return;
-  for (int x = 0; x < width; ++x) {
-    const std::array<double, 3> moved = pattern_.columns(x, y);
-    double square = 0.0;
-    for (size_t i = 0; i < moved.size(); ++i) square += variance_[i] * moved[i] * moved[i];
-    const double mm = static_cast<double>(depth[x]) * static_cast<double>(depth[x]) / focal_baseline_;
-    const auto before = static_cast<double>(sigma[x]);
-    sigma[x] = static_cast<float>(std::sqrt(before * before + mm * mm * square));
-  }
+  const double focal = pattern_.focal_x;
+  const double v = (y - pattern_.cy) / pattern_.focal_y;
+  const double per_px = focal / focal_baseline_ * (focal / focal_baseline_);
+  const auto number = [](double value) { return static_cast<float>(value); };
+  kernels().add_rig_sigma({depth, sigma, width, number(-pattern_.cx / focal), number(1.0 / focal), number(per_px * variance_[2] * v * v),
+                           number(per_px * variance_[0] * v * v), number(per_px * variance_[1])});
 }
 
 }  // namespace endosdk

@@ -48,16 +48,17 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   bands_ = cells.height >= 2 * first_band + 1 ? (cells.height - 1 - 2 * first_band) / band_period + 1 : 0;
   along_ = std::max(0, (cells.width - 1) / 2);
   // All memory before any way out, so that the first frame takes what later ones need.
-  scratch_size_ = (row_step_sums + 1) * cells.width;
+  scratch_size_ = (row_step_sums + 1) * cells.width + 3 * along_;
   const int workers = thread_count();
   scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(scratch_size_));
   wanted_.resize(static_cast<size_t>(3 * bands_) * static_cast<size_t>(cells.width));
+  columns_.resize(static_cast<size_t>(cells.width));
   measurements_.resize(bands_ * along_);
   error_ = {};
   if (bands_ == 0 || along_ == 0) return error_;
   const double noise = std::max(views.left_noise(), views.right_noise());
   flat_ = least_information + window_cells * static_cast<float>(noise * noise / (8.0 * views.unit() * views.unit()));
-  for (int band = 0; band < bands_; ++band) find_wanted(confidence, grid, band);
+  find_wanted(confidence, grid);
   for (int i = 0; i < most_coarse_passes; ++i) {
     const PoseVector before = error_.value;
     pass(coarse_every);
@@ -71,17 +72,18 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   return error_;
 }
 
-void RowDisparity::find_wanted(const FloatView& confidence, Scale grid, int band) {
+void RowDisparity::find_wanted(const FloatView& confidence, Scale grid) {
   const Size cells = views_->size();
   const auto place_of = [this](int cell, double scale, int count) {
     return std::min(static_cast<int>((2 * cell + 1) * views_->unit() * scale), count - 1);
   };
-  for (int r = 0; r < 3; ++r) {
-    const int from = place_of(first_row(band) + r - 1, grid.y, confidence.height);
+  for (int x = 0; x < cells.width; ++x) columns_[static_cast<size_t>(x)] = place_of(x, grid.x, confidence.width);
+  float* out = wanted_.data();
+  for (int i = 0; i < 3 * bands_; ++i, out += cells.width) {
+    const int from = place_of(first_row(i / 3) + i % 3 - 1, grid.y, confidence.height);
     const float* const source = confidence.data + static_cast<ptrdiff_t>(from) * confidence.width;
-    float* const out = wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width;
     for (int x = 0; x < cells.width; ++x) {
-      out[x] = source[place_of(x, grid.x, confidence.width)] >= row_disparity_confidence ? 1.0f : 0.0f;
+      out[x] = source[columns_[static_cast<size_t>(x)]] >= row_disparity_confidence ? 1.0f : 0.0f;
     }
   }
 }
@@ -108,16 +110,13 @@ void RowDisparity::measure_band(int band, int worker) {
   std::fill(sums, offset, 0.0f);
   const float* const disparity = views_->disparity(row);
   const auto across = static_cast<float>(column_.x);
-  const auto y = static_cast<float>((row + 0.5) * column_.y - 0.5);
-  const auto pattern_of = [&](int cell) {
-    const auto x = static_cast<float>((2 * cell + 0.5) * column_.x - 0.5);
-    return pattern_.rows(x, y, across * disparity[cell]);
-  };
+  const auto down = static_cast<float>(column_.y);
+  const double y = (row + 0.5) * column_.y - 0.5;
+  const auto place_of = [&](int cell) { return static_cast<float>((2 * cell + 0.5) * column_.x - 0.5); };
+  const PosePattern::Line line = pattern_.line(error_.value, y);
+  const float first_place = place_of(0);
   for (int i = 0; i < cells.width; ++i) {
-    const auto terms = pattern_of(i);
-    float rows = 0.0f;
-    for (size_t t = 0; t < pose_terms; ++t) rows += static_cast<float>(error_.value[t]) * terms[t];
-    offset[i] = rows / static_cast<float>(column_.y);
+    offset[i] = line.at(first_place + 2.0f * across * static_cast<float>(i), across * disparity[i]) * (1.0f / down);
   }
   for (int r = 0; r < 3; ++r) {
     const int here = row + r - 1;
@@ -125,28 +124,20 @@ void RowDisparity::measure_band(int band, int worker) {
                             views_->disparity(here), offset,
                             wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, sums});
   }
+  float* const counted = offset + cells.width;
+  float* const step = counted + along_;
+  float* const information = step + along_;
+  kernels().row_windows({sums, cells.width, along_, ridge, counted, step, information});
   const int block_row = band * pose_blocks_down / bands_ * pose_blocks_across;
   for (int i = 0; i < along_; ++i) {
     const int cell = 2 * i + 1;
-    float s[row_step_sums];
-    for (int p = 0; p < row_step_sums; ++p) {
-      const float* const at = sums + static_cast<ptrdiff_t>(p) * cells.width + cell;
-      s[p] = at[-1] + at[0] + (cell + 1 < cells.width ? at[1] : 0.0f);
-    }
-    const auto central = [&](int product, int a, int b) { return s[product] - s[a] * s[b] * (1.0f / window_cells); };
-    const float xx = central(4, 1, 1) + ridge;
-    const float xy = central(5, 1, 2);
-    const float yy = central(6, 2, 2);
-    const float determinant = xx * yy - xy * xy;
-    const float information = determinant / xx;
-    const float step = (xx * central(8, 2, 3) - xy * central(7, 1, 3)) / determinant;
-    const bool usable = s[0] == window_cells && information > flat_ && std::abs(step) < longest_step;
+    const bool usable = counted[i] == window_cells && information[i] > flat_ && std::abs(step[i]) < longest_step;
     if (!usable) {
       measurements_.clear(first + i);
       continue;
     }
-    measurements_.set(first + i, pattern_of(cell), step * static_cast<float>(column_.y),
-                      information / (information + enough_information), block_row + i * pose_blocks_across / along_);
+    measurements_.set(first + i, pattern_.rows(place_of(cell), static_cast<float>(y), across * disparity[cell]), step[i] * down,
+                      information[i] / (information[i] + enough_information), block_row + i * pose_blocks_across / along_);
   }
 }
 

@@ -25,7 +25,7 @@ class RowDisparity {
 
  private:
   void measure_band(int band, int worker);
-  void find_wanted(const FloatView& confidence, Scale grid, int band);
+  void find_wanted(const FloatView& confidence, Scale grid);
   void pass(int every);
   float* scratch_of(int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * scratch_size_; }
 
@@ -39,6 +39,7 @@ class RowDisparity {
   int scratch_size_ = 0;
   PoseMeasurements measurements_;
   std::vector<float> wanted_;  // three rows a band
+  std::vector<int> columns_;  // of the confidence, for each cell
   std::vector<float> scratch_;  // per worker
   PoseError error_;
 };

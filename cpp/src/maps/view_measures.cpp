@@ -1,8 +1,10 @@
 #include "maps/view_measures.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "platform/threads.hpp"
 
@@ -30,48 +32,51 @@ double left_of_noise(int passes, int distance) {
   return share;
 }
 
-// Variance of the cells of a tile beside the plane through them.
-double roughness(const float* levels, int stride) {
-  constexpr double count = tile * tile;
-  constexpr double spread = (tile * tile - 1) / 12.0;  // variance of a place along one axis
-  double sum = 0.0;
-  double squares = 0.0;
-  double along = 0.0;
-  double down = 0.0;
-  for (int y = 0; y < tile; ++y) {
-    for (int x = 0; x < tile; ++x) {
-      const double value = static_cast<double>(levels[y * stride + x]);
-      sum += value;
-      squares += value * value;
-      along += value * (x - 0.5 * (tile - 1));
-      down += value * (y - 0.5 * (tile - 1));
-    }
-  }
-  const double mean = sum / count;
-  const double slopes = (along * along + down * down) / (count * count * spread);
-  return squares / count - mean * mean - slopes;
+template <size_t Count>
+float sum_of(const std::array<float, Count>& values) {
+  float sum = 0.0f;
+  for (const float value : values) sum += value;
+  return sum;
 }
 
-struct Light {
-  double level;
-  double saturated;
-};
-
-Light light_of(const MatchedViews& views, int view) {
-  double sum = 0.0;
-  int count = 0;
-  int bright = 0;
-  for (int y = 0; y < views.size().height; ++y) {
-    const float* const levels = views.levels(view, y);
-    for (int x = 0; x < views.size().width; ++x) {
-      if (!views.sees(view, x, y)) continue;
-      sum += static_cast<double>(levels[x]);
-      bright += levels[x] >= blown_out ? 1 : 0;
-      ++count;
+// Variance of the cells of a tile beside the plane through them.
+float roughness(const float* levels, int stride) {
+  constexpr float count = tile * tile;
+  constexpr float spread = (tile * tile - 1) / 12.0f;  // variance of a place along one axis
+  constexpr float middle = 0.5f * (tile - 1);
+  const float base = levels[0];
+  std::array<float, tile> sums{}, squares{}, down{};
+  for (int y = 0; y < tile; ++y) {
+    for (size_t x = 0; x < tile; ++x) {
+      const float value = levels[x] - base;
+      sums[x] += value;
+      squares[x] += value * value;
+      down[x] += value * (static_cast<float>(y) - middle);
     }
+    levels += stride;
   }
-  const double cells = std::max(1, count);
-  return {sum / cells, bright / cells};
+  std::array<float, tile> along;
+  for (size_t x = 0; x < tile; ++x) along[x] = sums[x] * (static_cast<float>(x) - middle);
+  const float mean = sum_of(sums) / count;
+  const float slope_along = sum_of(along);
+  const float slope_down = sum_of(down);
+  return sum_of(squares) / count - mean * mean - (slope_along * slope_along + slope_down * slope_down) / (count * count * spread);
+}
+
+// Sums run down the columns first, so that the compiler adds whole rows.
+void add_light(const float* levels, int count, float* __restrict sums, int& bright) {
+  for (int x = 0; x < count; ++x) sums[x] += levels[x];
+  for (int x = 0; x < count; ++x) bright += levels[x] >= blown_out ? 1 : 0;
+}
+
+// Squares by which columns to either side differ, of those that have `far` columns to both.
+void add_steps(const float* row, int columns, float* __restrict fine, float* __restrict coarse) {
+  for (int x = far; x < columns - far; ++x) {
+    const float near = row[x + 1] - row[x - 1];
+    const float wide = row[x + far] - row[x - far];
+    fine[x] += near * near;
+    coarse[x] += wide * wide;
+  }
 }
 
 }  // namespace
@@ -79,24 +84,40 @@ Light light_of(const MatchedViews& views, int view) {
 void ViewMeasures::measure(const MatchedViews& views, int picture_width) {
   const Size cells = views.size();
   tiles_ = {cells.width / tile, cells.height / tile};
-  row_.resize(static_cast<size_t>(4 * cells.width));
   for (auto& textures : textures_) textures.resize(static_cast<size_t>(tiles_.width) * static_cast<size_t>(tiles_.height));
-  Light light[2];
+  for (auto& sums : sums_) sums.resize(static_cast<size_t>(4 * cells.width));
   parallel_for(2, 1, [&](int begin, int end, int) {
     for (int view = begin; view < end; ++view) {
-      light[view] = light_of(views, view);
+      find_light(views, view);
       find_tiles(views, view);
+      read_rows(views, view);
     }
   });
-  level_ = std::min(light[0].level, light[1].level);
-  saturated_ = std::max(light[0].saturated, light[1].saturated);
+  level_ = std::min(levels_[0], levels_[1]);
+  saturated_ = std::max(shares_[0], shares_[1]);
   covered_ = std::fmax(covered_of(0), covered_of(1));
   blur_ = find_blur(views, picture_width);
 }
 
+void ViewMeasures::find_light(const MatchedViews& views, int view) {
+  std::vector<float>& sums = sums_[view];
+  std::fill(sums.begin(), sums.end(), 0.0f);
+  int count = 0;
+  int bright = 0;
+  for (int y = 0; y < views.size().height; ++y) {
+    const FieldOfView::Extent seen = views.field(view).extent(y, 0);
+    if (seen.last < seen.first) continue;
+    add_light(views.levels(view, y) + seen.first, seen.last - seen.first + 1, sums.data(), bright);
+    count += seen.last - seen.first + 1;
+  }
+  const double cells = std::max(1, count);
+  levels_[view] = std::accumulate(sums.begin(), sums.end(), 0.0) / cells;
+  shares_[view] = bright / cells;
+}
+
 void ViewMeasures::find_tiles(const MatchedViews& views, int view) {
   std::vector<uint8_t>& textures = textures_[view];
-  const double limit = flattest + 3.0 * views.noise_of_cell(view);
+  const auto limit = static_cast<float>(flattest + 3.0 * views.noise_of_cell(view));
   for (int y = 0; y < tiles_.height; ++y) {
     for (int x = 0; x < tiles_.width; ++x) {
       const int left = x * tile;
@@ -131,33 +152,50 @@ double ViewMeasures::covered_of(int flat_view) const {
   return count >= least_tiles ? static_cast<double>(missing) / count : unknown;
 }
 
-// How much neighbours differ, as a share of how much columns farther apart do, in a view that was blurred by so many passes
-// of 1 2 1 more. Noise is taken out.
-double ViewMeasures::sharpness(const MatchedViews& views, int view, int passes) {
-  double fine = 0.0;
-  double coarse = 0.0;
-  int count = 0;
-  for (int y = rows_apart / 2; y < views.size().height; y += rows_apart) {
+void ViewMeasures::read_rows(const MatchedViews& views, int view) {
+  Rows& rows = rows_[view];
+  const int height = views.size().height;
+  const int stride = 2 * views.size().width;
+  rows.counts.assign(static_cast<size_t>((height + rows_apart - 1) / rows_apart), 0);
+  rows.values.resize(rows.counts.size() * static_cast<size_t>(stride));
+  float* out = rows.values.data();
+  size_t i = 0;
+  for (int y = rows_apart / 2; y < height; y += rows_apart, ++i, out += stride) {
     const FieldOfView::Extent seen = views.field(view).extent(y, edge_cells);
     const int columns = 2 * (seen.last - seen.first + 1);
     if (columns <= 2 * far) continue;
-    float* const row = row_.data();
-    float* const other = row + columns;
-    std::copy_n((view == 0 ? views.left(y) : views.right(y)) + 2 * seen.first, columns, row);
-    for (int pass = 0; pass < passes; ++pass) {
-      other[0] = row[0];
-      other[columns - 1] = row[columns - 1];
-      for (int x = 1; x + 1 < columns; ++x) other[x] = 0.25f * (row[x - 1] + row[x + 1]) + 0.5f * row[x];
-      std::copy_n(other, columns, row);
-    }
-    for (int x = far; x + far < columns; ++x) {
-      const double near = static_cast<double>(row[x + 1] - row[x - 1]);
-      const double wide = static_cast<double>(row[x + far] - row[x - far]);
-      fine += near * near;
-      coarse += wide * wide;
-      ++count;
-    }
+    rows.counts[i] = columns;
+    std::copy_n((view == 0 ? views.left(y) : views.right(y)) + 2 * seen.first, columns, out);
   }
+}
+
+// One pass of a mask 1 2 1 more.
+void ViewMeasures::blur_rows(const MatchedViews& views, int view) {
+  std::vector<float>& blurred = sums_[view];
+  float* row = rows_[view].values.data();
+  for (const int columns : rows_[view].counts) {
+    for (int x = 1; x + 1 < columns; ++x) blurred[static_cast<size_t>(x)] = 0.25f * (row[x - 1] + row[x + 1]) + 0.5f * row[x];
+    if (columns > 2) std::copy_n(blurred.data() + 1, columns - 2, row + 1);
+    row += 2 * views.size().width;
+  }
+}
+
+// How much neighbours differ, as a share of how much columns farther apart do, in the rows of a view, which were blurred by
+// so many passes of 1 2 1. Noise is taken out.
+double ViewMeasures::sharpness(const MatchedViews& views, int view, int passes) {
+  std::vector<float>& sums = sums_[view];
+  std::fill(sums.begin(), sums.end(), 0.0f);
+  const int stride = 2 * views.size().width;
+  int count = 0;
+  const float* row = rows_[view].values.data();
+  for (const int columns : rows_[view].counts) {
+    add_steps(row, columns, sums.data(), sums.data() + stride);
+    count += std::max(0, columns - 2 * far);
+    row += stride;
+  }
+  const auto half = sums.begin() + stride;
+  const double fine = std::accumulate(sums.begin(), half, 0.0);
+  const double coarse = std::accumulate(half, sums.end(), 0.0);
   if (count == 0) return unknown;
   const double noise = 2.0 * views.noise_of_column(view);
   const auto noise_at = [&](int distance) { return noise * (left_of_noise(passes + 1, 0) - left_of_noise(passes + 1, distance)); };
@@ -173,6 +211,7 @@ double ViewMeasures::find_blur(const MatchedViews& views, int picture_width) {
   double before = sharp[sharper];
   double passes = most_passes;
   for (int i = 1; i <= most_passes; ++i) {
+    blur_rows(views, sharper);
     const double here = sharpness(views, sharper, i);
     if (!(here > wanted)) {
       passes = i - 1 + (before - wanted) / std::max(1e-9, before - here);

@@ -30,14 +30,26 @@ class ViewMeasures {
   double blur() const { return blur_; }
 
  private:
+  // Every so many rows of brightness of one view, as far as they are well inside its field of view.
+  struct Rows {
+    std::vector<float> values;
+    std::vector<int> counts;  // of each row
+  };
+
+  void find_light(const MatchedViews& views, int view);
   void find_tiles(const MatchedViews& views, int view);
   double covered_of(int flat_view) const;
+  void read_rows(const MatchedViews& views, int view);
+  void blur_rows(const MatchedViews& views, int view);
   double sharpness(const MatchedViews& views, int view, int passes);
   double find_blur(const MatchedViews& views, int picture_width);
 
   Size tiles_;
   std::vector<uint8_t> textures_[2];  // of tiles: see Texture
-  std::vector<float> row_;
+  Rows rows_[2];
+  std::vector<float> sums_[2];  // two rows of brightness each
+  double levels_[2] = {};  // mean grey level, and share that is blown out, of each view
+  double shares_[2] = {};
   double level_ = 0.0;
   double saturated_ = 0.0;
   double covered_ = 0.0;

@@ -52,12 +52,17 @@ def _causes(report: Report, result: DepthResult) -> None:
     report.line(f"pair         status {result.status.name}, {100 * result.valid_share:.1f} % of the pixels are valid")
     for cause, measure in result.causes.items():
         fact = _core.cause_facts[cause]
-        side = "from" if fact["bad"] == "high" else "below"
         report.line(f"cause        {cause.name}: {fact['meaning']}")
-        report.line(f"             measured {measure:.3g}, wrong {side} {fact['degraded']:.3g}: {fact['measure']}")
+        report.line(f"measured     {fact['measure']}: {measure:.3g} ({_limit(cause)})")
         report.line(f"             what to do: {fact['remedy']}")
-    calm = [f"{cause.name} {measure:.3g}" for cause, measure in result.measures.items() if cause not in result.causes]
-    report.line(f"measured     {', '.join(calm)}")
+    for cause, measure in result.measures.items():
+        if cause not in result.causes:
+            report.line(f"measured     {_core.cause_facts[cause]['measure']}: {measure:.3g} ({_limit(cause)})")
+
+
+def _limit(cause: _core.Cause) -> str:
+    fact = _core.cause_facts[cause]
+    return f"{cause.name} {'from' if fact['bad'] == 'high' else 'below'} {fact['degraded']:.3g}"
 
 
 def _reasons(report: Report, result: DepthResult) -> None:
