@@ -50,16 +50,23 @@ def correlation_of_views(
     column = np.minimum(np.where(inside, match, 0).astype(int), here.shape[1] - 2)
     part = np.where(inside, match, 0) - column
     row = np.arange(rows)[:, None]
+    falling = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
     matched = there[row, column] * (1 - part) + there[row, column + 1] * part
     flat = 0.3 + max(left_noise, right_noise)
     for row, cell in np.ndindex(rows, cells):
-        window = slice(max(0, row - 4), row + 5), slice(max(0, cell - 4), cell + 5)
+        window = slice(max(0, row - 5), row + 6), slice(max(0, cell - 5), cell + 6)
         seen = inside[window]
-        if np.count_nonzero(seen) >= 81 / 4:
-            a, b = here[:, ::2][window][seen], matched[window][seen]
-            varies = a.var() - left_noise, b.var() - right_noise
+        weights = (
+            falling[window[0].start - row + 5 :][: seen.shape[0], None]
+            * falling[window[1].start - cell + 5 :][: seen.shape[1]]
+        )[seen]
+        if weights.sum() >= falling.sum() ** 2 / 4:
+            a, b = (
+                view - np.average(view, weights=weights) for view in (here[:, ::2][window][seen], matched[window][seen])
+            )
+            varies = np.average(a**2, weights=weights) - left_noise, np.average(b**2, weights=weights) - right_noise
             if max(varies) > flat:
-                together = np.mean((a - a.mean()) * (b - b.mean()))
+                together = np.average(a * b, weights=weights)
                 correlation[row, cell] = np.clip(together / np.sqrt(max(varies[0], flat) * max(varies[1], flat)), -1, 1)
                 share[row, cell] = np.clip(correlation[row, cell] / 0.4, 0, 1)
         around = found[max(0, row - 1) : row + 2, max(0, cell - 1) : cell + 2]
@@ -80,7 +87,7 @@ def supported_confidence(
         return confidence, True
     seen = seen_cells(left, height, width)
     textured &= seen
-    windows = max(1, textured.sum() / 81)
+    windows = max(1, textured.sum() / 79)
     if not textured.any():
         return np.zeros_like(confidence), False
     most = correlation[textured].mean() + 3.09 * correlation[textured].std() / np.sqrt(windows)

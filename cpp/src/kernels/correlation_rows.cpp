@@ -20,7 +20,7 @@ constexpr float smooth = 1.5f;
 constexpr float edge = 3.0f * smooth;
 
 constexpr float least_variance = 0.3f;  // grey levels squared, beyond the noise: less tells nothing
-constexpr float least_cells = 0.25f * correlation_window * correlation_window;  // with a match, of a window
+constexpr float least_weight = 0.25f * static_cast<float>(correlation_weights);  // of the cells of a window with a match
 
 template <int unit>
 void add_blocks(const BrightnessRow& row, int given_unit, float* __restrict out) {
@@ -41,25 +41,33 @@ float clamped(float value, float low, float high) {
   return floor < high ? floor : high;
 }
 
-// One plane of a row, summed over the window along it, threes of threes; `values` begin a reach before the first cell.
+// One plane of a row, its weighted sum over the window along it; `values` begin a reach before the first cell. Sums of six of
+// sums of six have the weights 1 to 6 to 1.
 void sum_along(const float* values, int cells, float* __restrict out) {
-  static_assert(correlation_window == 9);
-  float threes[chunk + 6];
+  static_assert(correlation_window == 11);
+  float threes[chunk + 8];
+  float sixes[chunk + 5];
   for (int first = 0; first < cells; first += chunk) {
     const int count = cells - first < chunk ? cells - first : chunk;
     const float* const from = values + first;
-    for (int i = 0; i < count + 6; ++i) threes[i] = (from[i] + from[i + 1]) + from[i + 2];
-    for (int i = 0; i < count; ++i) out[first + i] = (threes[i] + threes[i + 3]) + threes[i + 6];
+    for (int i = 0; i < count + 8; ++i) threes[i] = (from[i] + from[i + 1]) + from[i + 2];
+    for (int i = 0; i < count + 5; ++i) sixes[i] = threes[i] + threes[i + 3];
+    for (int i = 0; i < count; ++i) {
+      const float before = (sixes[i] + sixes[i + 1]) + sixes[i + 2];
+      out[first + i] = before + ((sixes[i + 3] + sixes[i + 4]) + sixes[i + 5]);
+    }
   }
 }
 
-// The same place of the rows of a window, summed.
+// The same place of the rows of a window, their weighted sum.
 void sum_down(const float* const* rows, ptrdiff_t from, int count, float* __restrict out) {
   const float* window[correlation_window];
   for (int w = 0; w < correlation_window; ++w) window[w] = rows[w] + from;
   for (int i = 0; i < count; ++i) {
-    float sum = window[0][i];
-    for (int w = 1; w < correlation_window; ++w) sum += window[w][i];
+    float sum = static_cast<float>(correlation_weight(correlation_reach)) * window[correlation_reach][i];
+    for (int w = 0; w < correlation_reach; ++w) {
+      sum += static_cast<float>(correlation_weight(w)) * (window[w][i] + window[correlation_window - 1 - w][i]);
+    }
     out[i] = sum;
   }
 }
@@ -102,7 +110,7 @@ void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, f
     const float right_scale = right_varies > flat ? right_varies : flat;
     const float found = clamped(together / __builtin_sqrtf(left_scale * right_scale), -1.0f, 1.0f);
     const float pictures = clamped((found - contradicted) * (1.0f / (supported - contradicted)), 0.0f, 1.0f);
-    const int textured = ((left_varies > flat) | (right_varies > flat)) & (sums[0][i] >= least_cells);
+    const int textured = ((left_varies > flat) | (right_varies > flat)) & (sums[0][i] >= least_weight);
     correlation[i] = textured ? found : nothing;
     support[i] = textured ? pictures : 1.0f;
   }

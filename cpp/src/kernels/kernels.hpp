@@ -101,8 +101,16 @@ struct BrightnessRow {
 };
 
 // Cells, to each side, of the window in which two views are compared.
-constexpr int correlation_reach = 4;
+constexpr int correlation_reach = 5;
 constexpr int correlation_window = 2 * correlation_reach + 1;
+
+// Weight of a cell of the window, along a row and along a column. It falls towards the edge, so that one bright spot does
+// not leave the square of a window behind.
+constexpr int correlation_weight(int place) { return place < correlation_reach ? place + 1 : correlation_window - place; }
+
+// All weights of a window, and how many cells of one weight tell as much as a window does.
+constexpr double correlation_weights = 1296.0;
+constexpr double correlation_cells = 79.0;
 
 // Sums over a window: how many cells have a match, left, right, their squares, their product.
 constexpr int correlation_sums = 6;

@@ -193,7 +193,7 @@ void MatchedViews::sum_up() {
       ++textured;
     }
   }
-  const double windows = std::max(1.0, textured / static_cast<double>(correlation_window * correlation_window));
+  const double windows = std::max(1.0, textured / correlation_cells);
   mean_correlation_ = textured > 0 ? sum / textured : 0.0;
   const double variance = textured > 0 ? std::max(0.0, squares / textured - mean_correlation_ * mean_correlation_) : 1.0;
   most_correlation_ = mean_correlation_ + one_in_a_thousand * std::sqrt(variance / windows);
