@@ -6,7 +6,7 @@ import numpy as np
 
 from endosdk import _core
 from endosdk._core import Cause
-from tests.reference.view_measures import brightness, deep_inside, noise, seen_cells
+from tests.reference.view_measures import brightness, cell_levels, deep_inside, noise, seen_cells
 
 LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
 LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
@@ -102,38 +102,48 @@ def supported_confidence(
 def coarse_match(left: np.ndarray, right: np.ndarray, picture: tuple[int, int]) -> tuple[float, float]:
     """How much better patches agree to their right than to their left, and the rows by which matches lie lower.
 
-    Rows of brightness; not a number where less than half of the patches moved alike.
+    Rows of brightness; not a number where all patches together do not agree clearly better there.
     """
-    here, there = (brightness(view, picture[1], picture[0])[0].astype(np.float64) for view in (left, right))
-    height, columns = here.shape
-    longest, reach = columns // 4, (10, 4)
-    margin, edge = longest + reach[0] + 1, 10 + reach[1]
-    windows = np.lib.stride_tricks.sliding_window_view(there, (9, 21))[..., ::2].reshape(height - 8, columns - 20, -1)
-    gains, rows, tried = [], [], 0
-    for j, i in np.ndindex(8, 8):
-        x = margin + i * (columns - 1 - 2 * margin) // 7
-        y = edge + j * (height - 1 - 2 * edge) // 7
-        patch = here[y - 4 : y + 5, x - 10 : x + 11 : 2].ravel()
-        best = {}
-        for name, side, off in (("same", -1, [0]), ("exchanged", 1, [0]), ("off", -1, range(-10, 11, 2))):
-            at = x + side * np.arange(2 if name != "off" else -(columns // 16 // 2 * 2), longest + 1, 2) - 10
-            seen = np.stack([_correlations(patch, windows[y - 4 + row, at]) for row in off])
-            best[name] = seen.max(), off[int(seen.max(axis=1).argmax())]
-        if best["same"][0] < 0 or best["exchanged"][0] < 0:
+    here, there = (cell_levels(view, picture[1], picture[0]) for view in (left, right))
+    height, cells = here.shape
+    longest, crossed, farthest = cells // 4, cells // 16, 10
+    margin, edge = longest + 6, farthest + 4
+    if cells <= 2 * margin or height <= 2 * edge:
+        return np.nan, np.nan
+    windows = np.lib.stride_tricks.sliding_window_view(there, (9, 11)).reshape(height - 8, cells - 10, -1)
+    gains, likeness = [], []
+    for j, i in np.ndindex(10, 10):
+        x = margin + i * (cells - 1 - 2 * margin) // 9
+        y = edge + j * (height - 1 - 2 * edge) // 9
+        patch = here[y - 4 : y + 5, x - 5 : x + 6].ravel()
+        if patch.var() <= 4:
             continue
-        gains.append(best["exchanged"][0] - best["same"][0])
-        tried += (i + j) % 2 == 0
-        if (i + j) % 2 == 0 and best["off"][0] > best["same"][0] + 0.15:
-            rows.append(best["off"][1])
-    alike = [row for row in rows if abs(row - sorted(rows)[len(rows) // 2]) <= 2]
-    off = np.mean(alike) if len(alike) >= max(1, 0.5 * tried) else np.nan
-    return (np.nan, np.nan) if len(gains) < 16 else (float(np.mean(gains)), float(off))
+        columns = slice(x - longest - 5, x + longest - 4)
+        seen = np.stack([_correlations(patch, windows[y - 4 + row, columns]) for row in range(-farthest, farthest + 1)])
+        gains.append(seen[farthest, longest + 1 :].max() - seen[farthest, :longest].max())
+        likeness.append(np.arctanh(np.clip(seen[:, : longest + crossed + 1].max(axis=1), -0.95, 0.95)))
+    if len(gains) < 16:
+        return np.nan, np.nan
+    return float(np.mean(gains)), _rows_off(np.array(likeness), farthest)
+
+
+def _rows_off(likeness: np.ndarray, level: int) -> float:
+    """The row [patch, row] on which all patches are most alike, from that at ``level`` on."""
+    mean = likeness.mean(axis=0)
+    best = int(mean.argmax())
+    others = mean[np.abs(np.arange(len(mean)) - best) > 3].max()
+    gain = likeness[:, best] - likeness[:, level]
+    if best == level or mean[best] - others < 0.085 or gain.mean() < 2.5 * gain.std(ddof=1) / np.sqrt(len(gain)):
+        return np.nan
+    if not 0 < best < len(mean) - 1:
+        return float(best - level)
+    before, here, after = mean[best - 1 : best + 2]
+    return float(best - level + (before - after) / 2 / (before - 2 * here + after))
 
 
 def _correlations(patch: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Of a patch with others; -1 where either is flat."""
+    """Of a patch with others; 0 where those are flat."""
     here, there = patch - patch.mean(), others - others.mean(axis=1, keepdims=True)
-    squares = (here**2).sum(), (there**2).sum(axis=1)
-    flat = (squares[0] <= 4 * patch.size) | (squares[1] <= 4 * patch.size)
+    squares = (there**2).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(flat, -1.0, there @ here / np.sqrt(squares[0] * squares[1]))
+        return np.where(squares <= 2 * patch.size, 0.0, there @ here / np.sqrt((here**2).sum() * squares))

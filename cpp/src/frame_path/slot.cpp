@@ -121,7 +121,12 @@ void Slot::explain_failure(FrameReport& report) {
     report.causes.set(Cause::rig_moved, never);
     report.causes.set(Cause::not_rectified, never);
   }
-  if (!swapped && !report.pose.measured) report.causes.set(Cause::not_rectified, rows_off);
+  if (swapped || report.pose.measured) return;
+  report.causes.set(Cause::not_rectified, rows_off);
+  if (!has_rig_) return;
+  // Of a rectified rig, only a turn about x moves all matches by about as many rows: by focal_y * (1 + v * v) * turn at v.
+  const double height = stage_->frame().height / focal_y_;
+  report.causes.set(Cause::rig_moved, degrees_per_radian * rows_off / (focal_y_ * (1.0 + height * height / 12.0)));
 }
 
 void Slot::judge_rig(FrameReport& report) const {
@@ -160,6 +165,7 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.valid_right = stage_->valid_right();
   has_rig_ = rig != nullptr;
   in.pattern = pattern_of(rig, frame, stage_->right_shift());
+  focal_y_ = in.pattern.focal_y;
   if (rig != nullptr) {
     const RectifiedGeometry& g = rig->geometry();
     in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), limits.min_depth_mm, limits.max_depth_mm};

@@ -74,6 +74,7 @@ class Slot {
   CoarseMatch coarse_match_;
   BrightnessPyramid brightness_;
   bool has_rig_ = false;  // of the latest pair
+  double focal_y_ = 0.0;
 };
 
 }  // namespace endosdk

@@ -135,6 +135,14 @@ void take_edges(const float* const (&around)[3], int count, float* __restrict su
   }
 }
 
+void add_patch_row(const float* patch, const float* view, int count, float* __restrict out) {
+  for (int i = 0; i < count; ++i) {
+    float sum = out[i];
+    for (int c = 0; c < patch_width; ++c) sum += patch[c] * view[i + c];
+    out[i] = sum;
+  }
+}
+
 }  // namespace
 
 void brightness_row(const BrightnessRow& row) {
@@ -176,6 +184,13 @@ void correlation_row(const CorrelationRow& row) {
     correlate(sums, row.left_noise, row.right_noise, count, row.correlation + first, row.support + first);
     const float* const around[] = {row.disparity[0] + first, row.disparity[1] + first, row.disparity[2] + first};
     take_edges(around, count, row.support + first);
+  }
+}
+
+void patch_products(const PatchProducts& row) {
+  for (int i = 0; i < row.count; ++i) row.out[i] = 0.0f;
+  for (int r = 0; r < patch_cells / patch_width; ++r) {
+    add_patch_row(row.patch + r * patch_width, row.view + r * row.stride, row.count, row.out);
   }
 }
 

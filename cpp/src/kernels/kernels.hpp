@@ -137,6 +137,21 @@ struct CorrelationRow {
   float* support;      // share of the network's confidence that the pictures leave, 0..1
 };
 
+// A patch of cells that is looked for in another view.
+constexpr int patch_reach_along = 5;
+constexpr int patch_reach_down = 4;
+constexpr int patch_width = 2 * patch_reach_along + 1;
+constexpr int patch_cells = patch_width * (2 * patch_reach_down + 1);
+
+// Sums of its products with the view, whose first cell lies under the patch's first one, then one cell further on, and so on.
+struct PatchProducts {
+  const float* patch;
+  const float* view;
+  ptrdiff_t stride;
+  int count;
+  float* out;
+};
+
 // Sums of a Lucas-Kanade step: how many cells count, the left view's gradients along x and y, the difference of the views,
 // and the products of these three.
 constexpr int row_step_sums = 9;
@@ -216,6 +231,7 @@ struct FitSums {
   KERNEL(void, brightness_row, (const BrightnessRow& row))                                                             \
   KERNEL(void, match_row, (const MatchRow& row))                                                                       \
   KERNEL(void, correlation_row, (const CorrelationRow& row))                                                           \
+  KERNEL(void, patch_products, (const PatchProducts& row))                                                            \
   KERNEL(void, row_step_row, (const RowStepRow& row))                                                                 \
   KERNEL(void, row_windows, (const RowWindows& row))                                                                  \
   KERNEL(void, add_up_fit, (const FitSums& fit))                                                                      \
