@@ -1,4 +1,4 @@
-"""How often a fault's cause is named, and how often a frame without a fault is not OK: 200 frames of the test splits.
+"""How often a fault's cause is named, and how often a frame without a fault is not OK, over the test splits.
 
     python -m benchmarks.accuracy.fault_naming --data DIR ... --spoilt DIR [--model fast] --json FILE
 

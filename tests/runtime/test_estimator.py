@@ -334,3 +334,8 @@ def test_diagnostics_identify_everything(pair):
     assert report["provider"] == "CPUExecutionProvider"
     assert report["onnxruntime_telemetry"] == "off"
     assert report["frames"] == 1
+    stages = report["mean_ms"]
+    assert [stages[name] for name in ("rectify", "session", "postprocess")] == pytest.approx(
+        [result.timings.rectify_ms, result.timings.session_ms, result.timings.postprocess_ms]
+    )
+    assert 0 < stages["trust"] < result.timings.total_ms

@@ -20,7 +20,7 @@ constexpr size_t least_patches = 16;
 constexpr double strongest = 0.95;
 
 // By how much the best row stands out from those that are not beside it, and how certain it must be that it is not the row
-// on which rectified views match, standard errors. Of three hundred pairs of other scenes two come so far.
+// on which rectified views match, standard errors. Of two hundred pairs of other scenes two come so far.
 constexpr double least_prominence = 0.085;
 constexpr double certain = 2.5;
 constexpr int beside = 3;
