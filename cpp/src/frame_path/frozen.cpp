@@ -6,7 +6,7 @@
 namespace endosdk {
 namespace {
 
-constexpr int rows_apart = 8;
+constexpr int rows_apart = 16;
 constexpr int patience_alone = 5;  // 0.2 s at 25 frames a second
 constexpr int patience_both = 25;
 

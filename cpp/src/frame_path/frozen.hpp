@@ -9,7 +9,7 @@
 
 namespace endosdk {
 
-// A number for the bytes of every eighth row.
+// A number for the bytes of every sixteenth row.
 uint64_t print_of(const ImageView& image);
 
 using Prints = std::array<uint64_t, 2>;  // of the left and the right frame
