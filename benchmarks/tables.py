@@ -78,7 +78,7 @@ SHORT_SPEEDS = {
 TEST_SETS = {  # record and label, for the tables of one model
     "accuracy/accuracy": "`endosim-gi`, rendered, 100 pairs",
     "accuracy/accuracy_cycles": "`endosim-gi-cycles`, path-traced, 60 pairs",
-    "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoilt pictures, 40 pairs",
+    "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoilt pictures, 100 pairs",
 }
 # Focal length over frame width and baseline in mm of three published rigs.
 RIGS = {

@@ -21,7 +21,7 @@ SIZE = (180, 240)
 
 @pytest.fixture(scope="module")
 def estimator():
-    with endosdk.DepthEstimator(TINY_MODEL) as opened:
+    with endosdk.DepthEstimator(TINY_MODEL, min_confidence=0.5) as opened:  # it is never very sure
         yield opened
 
 
@@ -150,7 +150,7 @@ def test_a_circle_is_found_and_nothing_outside_is_valid(estimator, x, y, radius)
     assert not (twin & (cv2.dilate(inside.astype(np.uint8), np.ones((5, 5))) == 0)).any()  # to a cell
     assert twin[inside].mean() > 0.98
     deep = cv2.erode((twin & inside).astype(np.uint8), np.ones((9, 25))) > 0
-    assert (result.reasons[deep] == 0).mean() > 0.8
+    assert (result.reasons[deep] == 0).mean() > 0.85
 
 
 STATED = {"left_field_of_view": (300, 250, 250, 210), "right_field_of_view": (330, 240, 260, 220)}
