@@ -38,11 +38,15 @@ def test_intervals_hold_the_sizes_of_polyps_and_instruments() -> None:
             for piece in pieces(mask):
                 kinds.append(kind)
                 for name, found, true in measurements(result, truth, piece, rng):
-                    held[name].append(score(found, true)[0])
+                    held[name].append(score(found, true)[:2])
     renderer.close()
     assert {"polyp", "instrument"} <= set(kinds)
-    shares = {name: float(np.mean(values)) for name, values in held.items()}
-    print(len(kinds), "objects;", shares, {name: len(values) for name, values in held.items()})
-    assert 0.88 <= shares["depth"] <= 0.99
-    assert 0.88 <= shares["distance"] <= 1.0
+    shares = {name: float(np.mean([holds for holds, _ in values])) for name, values in held.items()}
+    sizes = {name: float(np.sqrt(np.mean([off**2 for _, off in values]))) for name, values in held.items()}
+    print(len(kinds), "objects;", shares, sizes)
+    assert shares["depth"] >= 0.88
+    assert shares["distance"] >= 0.88
     assert shares["area"] >= 0.85
+    # Eight objects are too few for one miss in twenty. But intervals that are far too wide would hold all as well.
+    assert sizes["depth"] >= 0.3  # standard errors
+    assert sizes["distance"] >= 0.3
