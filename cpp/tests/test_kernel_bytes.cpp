@@ -191,7 +191,9 @@ void correlation(Output& out) {
   std::vector<float> scratch(static_cast<size_t>(correlation_sums * (cells + 2 * correlation_reach)));
   std::vector<float> sums(static_cast<size_t>(correlation_sums * cells)), agrees(cells), support(cells);
   const MatchRow match = {left.data(), right.data(), width, disparity.data() + 1, cells, scratch.data(), sums.data()};
+  const std::vector<float> beyond(sums.size());
   CorrelationRow row = {};
+  row.sums[0] = beyond.data();
   for (int i = 1; i < correlation_window; ++i) row.sums[i] = sums.data();
   for (auto& d : row.disparity) d = disparity.data();
   row.cells = cells;
