@@ -107,11 +107,12 @@ def streams_of(library: ctypes.CDLL, name: str, size: tuple[int, int]) -> dict[s
     theirs = binding.CEstimator(library, model, pair.calibration, threads=2)
     maps = ("disparity", "confidence", "reasons", "depth", "sigma")  # what Python gives
     views = pair.left, pair.right
-    answer, found = ours.predict(*views), theirs.predict(*views, maps=maps)[1]
+    answer, room = ours.predict(*views), theirs.predict(*views, maps=maps)
+    found = room[1]
     np.testing.assert_array_equal(found["disparity"], answer.disparity)
     calls = {
         "python_calls": lambda frames: [ours.predict(*views, out=answer) for _ in range(frames)],
-        "c_calls": lambda frames: [theirs.predict(*views, maps=maps) for _ in range(frames)],
+        "c_calls": lambda frames: [theirs.predict(*views, room=room) for _ in range(frames)],
         "python_stream": lambda frames: deque(ours.stream(repeat(views, frames), reuse=True), maxlen=0),
         "c_stream": lambda frames: deque(theirs.stream(repeat(views, frames), maps), maxlen=0),
     }

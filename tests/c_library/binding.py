@@ -314,9 +314,10 @@ class CEstimator:
         order: str = "rgb",
         maps: tuple[str, ...] = tuple(MAPS),
         stamp_ns: int = 0,
+        room: tuple[Result, dict[str, np.ndarray]] | None = None,
     ) -> tuple[Result, dict[str, np.ndarray]]:
-        """Maps of one pair by name."""
-        result, arrays = self._room(left, maps)
+        """Maps of one pair by name, in the room of an earlier answer where that is given."""
+        result, arrays = room or self._room(left, maps)
         result.stamp_ns = stamp_ns
         views = Image.of(left, order), Image.of(right, order)
         self._check(self.library.endo_predict(self.handle, byref(views[0]), byref(views[1]), byref(result)))
