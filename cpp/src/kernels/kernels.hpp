@@ -108,8 +108,11 @@ constexpr int correlation_window = 2 * correlation_reach + 1;
 // not leave the square of a window behind.
 constexpr int correlation_weight(int place) { return place < correlation_reach ? place + 1 : correlation_window - place; }
 
-// All weights of a window, and how many cells of one weight tell as much as a window does.
-constexpr double correlation_weights = 1296.0;
+// All weights of a window: those along a row add up to the square of the largest one, and so do those along a column.
+constexpr double correlation_weights = double{correlation_weight(correlation_reach)} * correlation_weight(correlation_reach) *
+                                       correlation_weight(correlation_reach) * correlation_weight(correlation_reach);
+
+// How many cells of one weight tell as much as a window does: its weights squared over the sum of their squares, (36 * 36 / 146)^2.
 constexpr double correlation_cells = 79.0;
 
 // Sums over a window: how many cells have a match, left, right, their squares, their product.
