@@ -40,6 +40,7 @@ void bind_enums(py::module_& m) {
 
 void bind_numbers(py::module_& m) {
   m.attr("default_min_confidence") = FramePathSettings().limits.min_confidence;
+  m.attr("confidence_parts") = confidence_parts;
   m.attr("range_margin") = range_margin;
   m.attr("saturation_level") = saturation_level;
   m.attr("calibration_rule") = calibration_rule;

@@ -204,8 +204,8 @@ py::tuple output_maps(const py::dict& fields) {
 // The stage by itself, for tests and studies; the frame path fills the same structs.
 int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   check_names(fields, "fields",
-              {"disparity", "confidence", "scale", "view_scale", "gain", "min_confidence", "max_candidate_disparity", "left",
-               "right", "right_shift", "valid_left", "valid_right", "focal_px", "baseline_mm", "doffs",
+              {"disparity", "confidence", "scale", "view_scale", "gain", "reach", "min_confidence", "max_candidate_disparity",
+               "left", "right", "right_shift", "valid_left", "valid_right", "focal_px", "baseline_mm", "doffs",
                "min_depth_mm", "max_depth_mm"});
   const FloatView first = float_view<float>(required_array(outputs, "disparity"), "disparity");
   check_grid(first, "out_disparity");
@@ -223,6 +223,7 @@ int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   in.scale = scale_of(fields, "scale");
   in.view_scale = scale_of(fields, "view_scale");
   in.gain = field(fields, "gain", in.gain);
+  in.reach = field(fields, "reach", in.reach);
   in.min_confidence = field(fields, "min_confidence", in.min_confidence);
   in.max_candidate_disparity = field(fields, "max_candidate_disparity", in.max_candidate_disparity);
   in.left = read_only_planes(left, "left");

@@ -123,6 +123,7 @@ def isa() -> _Isa: ...
 def set_isa(name: str) -> None: ...
 
 # Answers this close to an end of the network's range, px of the network, count as out of range.
+confidence_parts: float
 default_min_confidence: float
 range_margin: float
 

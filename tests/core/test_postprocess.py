@@ -81,7 +81,7 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
     options = masks(frame.size, 1) if masked else {}
     if metric:
         options |= {"focal_px": FOCAL, "baseline_mm": BASELINE, "doffs": 1.5}
-        options |= {"min_depth_mm": 120.0, "max_depth_mm": 400.0}
+        options |= {"min_depth_mm": 120.0, "max_depth_mm": 400.0, "reach": 2.0}
     else:
         options |= {"max_candidate_disparity": 30.0 / frame.stride}
     _core.set_isa(isa)
@@ -97,7 +97,9 @@ def test_equals_twin_and_plain(isa: str, threads: int, size: tuple[int, int, int
 
 
 def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], options: dict) -> None:
-    for name, source, gain in (("disparity", frame.disparity, frame.stride), ("confidence", frame.confidence, 1.0)):
+    reach = options.get("reach", 1.0)
+    relative = postprocess.confidence_within(frame.confidence, reach)
+    for name, source, gain in (("disparity", frame.disparity, frame.stride), ("confidence", relative, 1.0)):
         with np.errstate(invalid="ignore"):
             twin = resampling.resize_bilinear(source, *frame.size, 1 / frame.stride, 1 / frame.stride, gain)
         numbers = np.isfinite(twin)
@@ -128,7 +130,7 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
     np.testing.assert_array_equal(out["depth"][good], depth[good])
     assert np.isnan(out["depth"][~good]).all()
     expected = postprocess.sigma(
-        depth[good].astype(float), out["confidence"][good], focal_baseline=FOCAL * BASELINE, gain=frame.stride
+        depth[good].astype(float), out["confidence"][good], focal_baseline=FOCAL * BASELINE, unit=frame.stride * reach
     )
     np.testing.assert_allclose(out["sigma"][good], expected, rtol=2e-6)
     assert np.isnan(out["sigma"][~good]).all()
@@ -145,6 +147,25 @@ def test_every_reason_occurs_in_the_test_scene() -> None:
 
 
 @every_isa
+@pytest.mark.parametrize("reach", [0.25, 2 / 3, 1.0, 2.0, 8.0])
+def test_confidence_within_so_many_pixels_of_the_network(isa: str, reach: float) -> None:
+    _core.set_isa(isa)
+    confidence = np.concatenate([np.linspace(0, 1, 4000), np.geomspace(1e-6, 1, 4000)]).astype(np.float32)[None]
+    frame = Frame(np.full_like(confidence, 5), confidence, confidence.shape, 1.0)
+    _, out = frame.run(reach=reach)
+    expected = postprocess.confidence_within(confidence, reach)
+    np.testing.assert_allclose(out["confidence"], expected, rtol=0, atol=1e-6)
+
+
+@every_isa
+def test_what_is_no_number_is_never_trusted(isa: str) -> None:
+    _core.set_isa(isa)
+    nothing = np.full((2, 40), np.nan, np.float32)
+    _, out = Frame(np.full_like(nothing, 5), nothing, nothing.shape, 1.0).run(reach=2.0, min_confidence=0.0)
+    assert (out["reasons"] & Reason.LOW_CONFIDENCE != 0).all()
+
+
+@every_isa
 def test_sigma_over_the_whole_range_of_confidence(isa: str) -> None:
     _core.set_isa(isa)
     confidence = np.concatenate([np.geomspace(1e-9, 0.5, 4000), 1 - np.geomspace(1e-9, 0.5, 4000)])
@@ -153,7 +174,7 @@ def test_sigma_over_the_whole_range_of_confidence(isa: str) -> None:
     usable, out = frame.run(min_confidence=0.0, focal_px=FOCAL, baseline_mm=BASELINE)
     assert usable == confidence.size - 5  # the first five matches lie left of the right view
     expected = postprocess.sigma(
-        np.float64(FOCAL * BASELINE / 5), confidence[:, 5:], focal_baseline=FOCAL * BASELINE, gain=1.0
+        np.float64(FOCAL * BASELINE / 5), confidence[:, 5:], focal_baseline=FOCAL * BASELINE, unit=1.0
     )
     np.testing.assert_allclose(out["sigma"][:, 5:], expected, rtol=2e-6)
 

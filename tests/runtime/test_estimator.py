@@ -42,7 +42,7 @@ def test_disparity_of_a_plane(pair):
 
 
 def test_metric_depth_of_a_plane(pair):
-    result = DepthEstimator(TINY_MODEL, calibration=rectified_rig()).predict(*pair)
+    result = DepthEstimator(TINY_MODEL, calibration=rectified_rig(), min_confidence=0.3).predict(*pair)
     expected = 200.0 * 5.0 / SHIFT
     assert np.nanmedian(inner(result.depth)) == pytest.approx(expected, rel=0.01)
     assert np.array_equal(np.isnan(result.depth), result.reasons != 0)
@@ -59,7 +59,8 @@ def test_metric_depth_of_a_plane(pair):
 def test_sigma_follows_its_formula(pair):
     result = DepthEstimator(TINY_MODEL, calibration=rectified_rig()).predict(*pair)
     confidence = np.clip(result.confidence.astype(np.float64), 1e-6, 1 - 1e-6)
-    expected = result.depth.astype(np.float64) ** 2 / 1000.0 * -1 / np.log1p(-confidence)
+    unit = WIDTH / _core.confidence_parts
+    expected = result.depth.astype(np.float64) ** 2 / 1000.0 * unit * -1 / np.log1p(-confidence)
     valid = result.reasons == 0
     assert np.allclose(result.sigma[valid], expected[valid], rtol=2e-3)
 
@@ -263,7 +264,7 @@ def test_a_rectified_rig_with_principal_points_apart_sees_beyond_disparity_zero(
     left, right = shifted_pair(HEIGHT, WIDTH, disparity + doffs)
     right = np.pad(right, ((0, 0), (doffs, 0), (0, 0)), mode="edge")[:, :WIDTH]
     rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(WIDTH, HEIGHT), doffs=doffs)
-    estimator = DepthEstimator(TINY_MODEL, calibration=rig)
+    estimator = DepthEstimator(TINY_MODEL, calibration=rig, min_confidence=0.3)
     result = estimator.predict(left, right)
     assert np.median(np.abs(inner(result.disparity) - disparity)) < 0.2
     assert np.nanmedian(inner(result.depth)) == pytest.approx(200.0 * 5.0 / (disparity + doffs), rel=0.03)

@@ -136,7 +136,7 @@ typedef struct endo_options {
     void *log_context;           /* handed to log */
     int32_t network_width;       /* size the network works at; 0: the model's inference width, see docs/c-library.md */
     int32_t network_height;      /* smaller is faster and finds larger disparities; maps keep the frames' size */
-    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.6 */
+    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.7 */
     double min_depth_mm;         /* depth outside the range is no answer; default 0 */
     double max_depth_mm;         /* default infinity */
     double depth_unit_mm;        /* one step of depth_u16; default 0.1 */
@@ -287,7 +287,7 @@ typedef struct endo_result {
     int32_t quality;                  /* out: endo_quality */
     uint64_t capacity;                /* in: pixels that each map can hold, at least width * height */
     float *disparity;                 /* px of the frames, dense: also where reasons are set */
-    float *confidence;                /* probability that the disparity is right to a pixel of the network's grid; 0
+    float *confidence;                /* probability that the disparity is right to 1/480 of the width, 2 px at 960; 0
                                          where the two views do not agree, everywhere if they show different things */
     float *depth;                     /* mm along the optical axis; NaN where reasons are set */
     float *sigma;                     /* expected absolute error of depth, mm: the scale of a Laplace law, about two thirds

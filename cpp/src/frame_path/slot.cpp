@@ -154,6 +154,7 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.view_scale = {static_cast<double>(picture.height) / frame.height, static_cast<double>(picture.width) / frame.width};
   in.scale = {in.view_scale.y / model_.output_stride, in.view_scale.x / model_.output_stride};
   in.gain = static_cast<float>(static_cast<double>(frame.width) / picture.width);
+  in.reach = picture.width / confidence_parts;
   in.min_confidence = static_cast<float>(limits.min_confidence);
   in.max_candidate_disparity = model_.max_candidate_disparity;
   in.upsampling = model_.upsampling;

@@ -151,6 +151,10 @@ void blend_rows(const float* upper, const float* lower, float weight, float gain
   step[count - 1] = 0.0f;
 }
 
+void confidence_row(const float* confidence, int count, float reach, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] = confidence_within(confidence[i], reach);
+}
+
 int depth_row(const DepthRow& row, const DepthLimits& limits) {
   Scratch s;
   for (int i = chunk; i < 2 * chunk; ++i) s.cover[i] = infinity;

@@ -229,6 +229,8 @@ struct FitSums {
   /* How much a cell's disparity is worth, see sharpness.hpp, and that times the disparity. */                         \
   KERNEL(void, trust_cells, (const float* disparity, const float* confidence, int count, float* trust,                 \
                              float* trusted))                                                                          \
+  /* The probability of an error up to `reach` pixels of each cell, of that up to one, see sharpness.hpp. */           \
+  KERNEL(void, confidence_row, (const float* confidence, int count, float reach, float* out))                          \
   /* What the structs above say. */                                                                                    \
   KERNEL(void, joint_bilateral_row, (const JointBilateralRow& row))                                                    \
   KERNEL(void, brightness_row, (const BrightnessRow& row))                                                             \

@@ -31,8 +31,36 @@ static inline float negative_log1m(float c) {
   return -(static_cast<float>(exponent) * ln2 + (log_mantissa + lost));
 }
 
-// One over the scale, in network pixels, of the Laplace law whose probability of an error up to one of them is the
-// confidence. What is no number counts as no confidence.
+// 1 - exp(-t) for t >= 0, within 2e-7.
+static inline float one_minus_exp(float t) {
+  const float x = -1.44269504f * (t < 80.0f ? t : 80.0f);
+  const float whole = static_cast<float>(static_cast<int32_t>(x - 0.5f));
+  const float f = (x - whole) * 0.69314718f;  // within half of ln 2 of 0
+  // Taylor: the seventh power is below 1e-7 there.
+  float p = 1.0f / 720.0f;
+  p = p * f + 1.0f / 120.0f;
+  p = p * f + 1.0f / 24.0f;
+  p = p * f + 1.0f / 6.0f;
+  p = p * f + 0.5f;
+  p = p * f + 1.0f;
+  const float rest = p * f;  // exp(f) - 1: of small t, all there is
+  const int32_t bits = (static_cast<int32_t>(whole) + 127) << 23;
+  float power;
+  memcpy(&power, &bits, sizeof(power));
+  return (1.0f - power) - power * rest;
+}
+
+// The probability of an error up to `reach` units of a Laplace law whose probability of an error up to one unit is
+// `confidence`: 1 - (1 - confidence)^reach. What is no number stays none.
+static inline float confidence_within(float confidence, float reach) {
+  constexpr float most = 1.0f - 1.0f / (1 << 24);
+  const float c = confidence > 0.0f ? (confidence < most ? confidence : most) : 0.0f;
+  const float within = one_minus_exp(reach * negative_log1m(c));
+  return confidence == confidence ? within : confidence;
+}
+
+// One over the scale, in units, of the Laplace law whose probability of an error up to one of them is the confidence.
+// What is no number counts as no confidence.
 static inline float sharpness(float confidence) {
   constexpr float least = 1e-6f;
   constexpr float most = 1.0f - 1e-6f;

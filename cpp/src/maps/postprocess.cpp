@@ -51,6 +51,7 @@ void check(const PostprocessInput& in, const MapsOut& out) {
   require(std::isfinite(in.max_candidate_disparity) && in.max_candidate_disparity >= 0.0, "max_candidate_disparity", "must be finite and not negative",
           in.max_candidate_disparity);
   check_scale(in.view_scale, in.gain);
+  require(std::isfinite(in.reach) && in.reach > 0.0, "reach", "must be positive and finite", in.reach);
   require(std::isfinite(in.right_shift), "right_shift", "must be finite", in.right_shift);
   const Size picture = picture_of(in);
   if (in.left.data != nullptr) check_planar(in.left, picture.width, picture.height, "image");
@@ -77,9 +78,9 @@ DepthLimits limits_of(const PostprocessInput& in) {
     limits.doffs = static_cast<float>(g.doffs - in.right_shift);
     limits.min_depth = static_cast<float>(g.min_depth_mm);
     limits.max_depth = static_cast<float>(g.max_depth_mm);
-    // Scale of the Laplace law, gain / -log(1 - confidence) in frame pixels, which is its mean error. Its standard deviation
+    // Scale of the Laplace law, gain * reach / -log(1 - confidence) in frame pixels, which is its mean error. Its standard deviation
     // would be sqrt(2) times that: too much for real errors, which the law's tails overstate.
-    limits.sigma_factor = static_cast<float>(static_cast<double>(in.gain) / (g.focal_px * g.baseline_mm));
+    limits.sigma_factor = static_cast<float>(static_cast<double>(in.gain) * in.reach / (g.focal_px * g.baseline_mm));
   }
   return limits;
 }
@@ -122,14 +123,14 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   const int workers = disparities.workers();
   GlareRows& views = scratch.glare;
   if (has_view) views.prepare(input.left, width, input.view_scale, workers);
-  FloatView confidence = input.confidence;
+  FloatView confidence = scratch.relative.of(input.confidence, input.reach);
   const auto started = std::chrono::steady_clock::now();
   if (input.right.data != nullptr) {
     const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
     scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells, input.fields);
     scratch.measures.measure(scratch.views, picture_of(input).width);
     if (input.pattern.focal_x > 0.0) {
-      scratch.rows.measure(scratch.views, input.confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);
+      scratch.rows.measure(scratch.views, confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);
     }
     confidence = scratch.consistency.supported(confidence, scratch.views, cells);
   }

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "maps/photometric_consistency.hpp"
+#include "maps/relative_confidence.hpp"
 #include "maps/field_rows.hpp"
 #include "maps/glare_rows.hpp"
 #include "maps/joint_bilateral.hpp"
@@ -35,6 +36,7 @@ struct PostprocessInput {
   FloatView confidence;  // probability that the network's error is at most one of its pixels
   Scale scale;
   float gain = 1.0f;  // network pixels to frame pixels
+  double reach = 1.0;  // network pixels; the confidence that comes out is of errors up to so many
   float min_confidence = 0.0f;
   double max_candidate_disparity = 0.0;  // largest disparity the network has a plane for, network pixels; 0: not known
   PlanarView left;  // as the network saw it, for saturation and to guide the upsampling; no data: neither
@@ -57,6 +59,7 @@ struct PostprocessScratch {
   GlareRows glare;
   FieldRows fields;
   MatchedViews views;
+  RelativeConfidence relative;
   PhotometricConsistency consistency;
   RowDisparity rows;
   ViewMeasures measures;
@@ -68,7 +71,7 @@ struct PostprocessScratch {
 // Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
 // right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the scale of a Laplace law whose probability of an error up to
-// one network pixel is the confidence, and to it comes what a rig that moved does to the disparity. Both are NaN where a
+// `reach` network pixels is the confidence that comes out. To it comes what a rig that moved does to the disparity. Both are NaN where a
 // pixel has a reason; both need a geometry and may be null.
 // The 16-bit maps are written by write_u16().
 int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch);

@@ -87,7 +87,7 @@ class DepthResult:
 
     @property
     def confidence(self) -> FloatMap:
-        """Probability 0..1 that the disparity is right to one pixel on the grid the network saw, float32 [H, W].
+        """Probability 0..1 that the disparity is right to 1/480 of the width (2 px at 960), float32 [H, W].
 
         It is 0 where the two views do not agree at that disparity, and everywhere when they do not show the same.
         """
