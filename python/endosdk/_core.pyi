@@ -122,9 +122,11 @@ kernel_sets: tuple[_Isa, ...]
 def isa() -> _Isa: ...
 def set_isa(name: str) -> None: ...
 
-# Answers this close to an end of the network's range, px of the network, count as out of range.
+# Confidence is that of an error up to one of so many parts of the frame's width.
 confidence_parts: float
 default_min_confidence: float
+
+# Answers this close to an end of the network's range, px of the network, count as out of range.
 range_margin: float
 
 # Of all channels: from here on a pixel is glare.

@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 
@@ -47,6 +48,17 @@ def test_there_is_no_truth_outside_the_field_of_view():
     dark = looks.outside_dark(view, shown, np.random.default_rng(0))
     assert np.array_equal(dark[shown], view[shown])
     assert dark[~shown].max() < 30
+
+
+def test_a_video_chain_takes_detail_and_moves_nothing():
+    left, right, _ = warped_pair(1, (96, 160))
+    for seed in range(12):
+        both = looks.filmed(left, right, np.random.default_rng(seed))
+        for view, sent in zip((left, right), both, strict=True):
+            before, after = (cv2.cvtColor(part, cv2.COLOR_RGB2GRAY).astype(np.float32) for part in (view, sent))
+            moved, _ = cv2.phaseCorrelate(before, after, cv2.createHanningWindow(before.shape[::-1], cv2.CV_32F))
+            assert np.hypot(*moved) < 0.1
+            assert 0.3 < after.std() / before.std() < 1.5
 
 
 def test_a_wide_scale_reaches_larger_disparities():

@@ -73,7 +73,7 @@ constexpr CauseFact cause_facts[] = {
      "the right camera is connected to the left input", "exchange the two inputs"},
     {Cause::not_rectified, "NOT_RECTIFIED", "vertical disparity, px of the frame", Bad::high, 2.0, 8.0,
      "the rows of the two views do not correspond", "give the calibration of this rig, or rectify the frames"},
-    {Cause::rig_moved, "RIG_MOVED", "rotation of the rig against its calibration, degrees", Bad::high, 0.25, 2.0,
+    {Cause::rig_moved, "RIG_MOVED", "rotation of the rig against its calibration, degrees", Bad::high, 0.25, 5.0,
      "the cameras have moved since they were calibrated", "calibrate the rig again"},
     {Cause::out_of_range, "OUT_OF_RANGE", "share of the field of view that is out of range", Bad::high, 0.25, never,
      "the surface is too near, too far, or beyond the depths asked for", "move the endoscope, or choose a model that sees more"},

@@ -30,6 +30,7 @@ CHANCES = {
     "rows": 0.25,
     "field": 0.15,
     "haze": 0.15,
+    "video": 0.2,
     "compression": 0.25,
 }
 
@@ -63,6 +64,8 @@ def random_pair(
     on = {name for name in switches if drawn[name] < CHANCES.get(name, 1.0)}
     left, right, disparity = _looks(left, right, pair.disparity, rng, on)
     left, right = (_sensor(view, rng) for view in (left, right))
+    if "video" in on:
+        left, right = looks.filmed(left, right, rng)
     if "compression" in on:
         left, right = looks.compressed(left, right, rng)
     if rng.random() < 0.3:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-LOOKS = ("tone", "colours", "blur", "noise", "glare", "rows", "field", "scale", "haze", "compression")
+LOOKS = ("tone", "colours", "blur", "noise", "glare", "rows", "field", "scale", "haze", "video", "compression")
 
 
 def recoloured(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
@@ -75,6 +75,29 @@ def hazy(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
     clear, level = np.float32(rng.uniform(0.2, 0.8)), np.float32(rng.uniform(90.0, 200.0))
     veiled = [np.clip(level + clear * (view - level), 0.0, 255.0).astype(np.uint8) for view in (left, right)]
     return veiled[0], veiled[1]
+
+
+def filmed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
+    """Send both views through an older video chain: half the lines, a narrow band, less of it for colour, sharpened."""
+    line = int(rng.integers(0, 2)) if rng.random() < 0.6 else None  # every second one from there on; None: all
+    band, colour = float(rng.uniform(1.0, 2.0)), float(rng.uniform(0.5, 4.0))
+    sharpening = float(rng.uniform(0.0, 1.2))
+    views = [_filmed(view, line, band, colour, sharpening) for view in (left, right)]
+    return views[0], views[1]
+
+
+def _filmed(view: Image, line: int | None, band: float, colour: float, sharpening: float) -> Image:
+    height, width = view.shape[:2]
+    luma, *chroma = cv2.split(cv2.cvtColor(np.ascontiguousarray(view), cv2.COLOR_RGB2YCrCb))
+    sent = luma if line is None else luma[line::2]
+    sent = cv2.resize(sent, (round(width / band), len(sent)), interpolation=cv2.INTER_AREA)
+    wider, taller = width / sent.shape[1], 1.0 if line is None else 2.0
+    # Columns are means, whose centres stay where they were; lines come back to where they were taken.
+    back = np.array([[wider, 0, (wider - 1) / 2], [0, taller, line or 0]], np.float32)
+    seen = cv2.warpAffine(sent, back, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.addWeighted(seen, 1.0 + sharpening, cv2.GaussianBlur(seen, (0, 0), 1.2), -sharpening, 0.0)
+    chroma = [cv2.GaussianBlur(channel, (0, 0), sigmaX=colour, sigmaY=colour / 2) for channel in chroma]
+    return np.asarray(cv2.cvtColor(cv2.merge([seen, *chroma]), cv2.COLOR_YCrCb2RGB), dtype=np.uint8)
 
 
 def compressed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
