@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import onnx
@@ -145,6 +146,28 @@ def trust_table(model: str) -> str:
     heads = ["pairs", "frames", "right pixels valid", "wrong pixels valid", "error within sigma", "cause named"]
     text = _table([_marked(head, record["model_sha256"]) if head == "pairs" else head for head in heads], rows)
     return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
+
+
+def min_confidence_table() -> str:
+    """What another `min_confidence` gives: valid among right and wrong pixels, of clean pairs and of spoilt ones."""
+    models = _record("accuracy/trust")["models"]
+    kinds = {name: [f["called_valid_by_min_confidence"] for f in _usable_cases(one)] for name, one in models.items()}
+    rows = []
+    for threshold in next(iter(kinds.values()))[0]:
+        row = [threshold]
+        for clean, *spoilt in kinds.values():
+            for kind in ("right", "wrong"):
+                row += [_percent(clean[threshold][kind]), _percent(median(one[threshold][kind] for one in spoilt))]
+        rows.append(row)
+    heads = [
+        f"{name}, {kind}, {pairs}" for name in kinds for kind in ("right", "wrong") for pairs in ("clean", "spoilt")
+    ]
+    return _table(["`min_confidence`", *heads], rows)
+
+
+def _usable_cases(record: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what a record of trust says of pairs without a fault, the clean ones first."""
+    return [found for found in record["cases"].values() if "named" not in found]
 
 
 def fault_naming_table() -> str:
@@ -361,6 +384,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "arm-instructions": arm_instructions_table,
     "causes": causes_table,
     "fault-naming": fault_naming_table,
+    "min-confidence": min_confidence_table,
     "reasons": reasons_table,
     "fuzzed": fuzzed_table,
     "measuring": measuring_table,

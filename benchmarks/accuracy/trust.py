@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
 from benchmarks.model_records import models_parser, record_models
-from endosdk import DepthEstimator, DepthResult, StereoCalibration
+from endosdk import DepthEstimator, DepthResult, Reason, StereoCalibration
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.metrics import sigma_bins, sigma_gap, sparsification_error
@@ -28,6 +28,7 @@ from endosdk.io.progress import progress
 
 CLEAN_SET = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
 RIGHT_PX, WRONG_PX = 1.0, 3.0
+THRESHOLDS = 0.5, 0.6, 0.7, 0.8  # what `min_confidence` may be
 
 
 @dataclass
@@ -58,9 +59,14 @@ class Tally:
         if sample.occlusion is not None:
             known &= ~sample.occlusion
         error = np.abs(answer.disparity - sample.disparity)
+        usable = (answer.reasons & ~np.uint8(Reason.LOW_CONFIDENCE)) == 0
         for name, which in (("right", known & (error <= RIGHT_PX)), ("wrong", known & (error > WRONG_PX))):
             self.pixels[name] += int(which.sum())
             self.pixels[f"{name}_valid"] += int((which & valid).sum())
+            for threshold in THRESHOLDS:
+                self.pixels[f"{name}_from_{threshold}"] += int(
+                    (which & usable & (answer.confidence >= threshold)).sum()
+                )
         both = known & valid
         self.pixels["known"] += int(known.sum())
         self.pixels["known_valid"] += int(both.sum())
@@ -90,6 +96,10 @@ class Tally:
             "wrong": _share(n["wrong"], n["known"]),
             "wrong_called_valid": _share(n["wrong_valid"], n["wrong"]),
             "wrong_of_valid": _share(n["wrong_valid"], n["known_valid"]),
+            "called_valid_by_min_confidence": {
+                str(threshold): {name: _share(n[f"{name}_from_{threshold}"], n[name]) for name in ("right", "wrong")}
+                for threshold in THRESHOLDS
+            },
             "outside_called_valid": _share(n["outside_valid"], n["outside"]),
             "within_sigma": _share(n["within_sigma"], n["known_valid"]),
             "within_two_sigma": _share(n["within_two_sigma"], n["known_valid"]),

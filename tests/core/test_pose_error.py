@@ -127,7 +127,9 @@ def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, restored_settings: None)
         seen = estimator.predict(left, turned(right, (0.3, -0.4, 0.2)))
     assert seen.rig is not None and seen.rig.rotation_deg is not None and seen.rig.rotation_se_deg is not None
     valid = seen.reasons == 0
-    network = postprocess.sigma(seen.depth, seen.confidence, focal_baseline=4000.0, unit=seen.depth.shape[1] / _core.confidence_parts)
+    network = postprocess.sigma(
+        seen.depth, seen.confidence, focal_baseline=4000.0, unit=seen.depth.shape[1] / _core.confidence_parts
+    )
     turns = np.radians(seen.rig.rotation_deg), np.radians(seen.rig.rotation_se_deg)
     expected = postprocess.rig_sigma(seen.depth, network, *turns, focal_baseline=4000.0, pattern=PATTERN)
     np.testing.assert_allclose(seen.sigma[valid], expected[valid], rtol=1e-3)

@@ -80,7 +80,7 @@ def hazy(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
 def filmed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
     """Send both views through an older video chain: half the lines, a narrow band, less of it for colour, sharpened."""
     line = int(rng.integers(0, 2)) if rng.random() < 0.6 else None  # every second one from there on; None: all
-    band, colour = float(rng.uniform(1.0, 2.0)), float(rng.uniform(0.5, 4.0))
+    band, colour = float(np.exp(rng.uniform(0.0, np.log(3.0)))), float(rng.uniform(0.5, 4.0))
     sharpening = float(rng.uniform(0.0, 1.2))
     views = [_filmed(view, line, band, colour, sharpening) for view in (left, right)]
     return views[0], views[1]
