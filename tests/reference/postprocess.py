@@ -60,7 +60,7 @@ def reasons(
 
 
 def confidence_within(confidence: np.ndarray, reach: float) -> np.ndarray:
-    """Chance of an error up to ``reach`` network pixels, of a Laplace law whose chance of one up to one pixel is known."""
+    """Chance of an error up to ``reach`` network pixels, by Laplace's law, of that up to one pixel."""
     # 2^-24: nothing of single precision lies nearer to 1.
     return 1 - (1 - np.clip(confidence.astype(np.float64), 0, 1 - 2.0**-24)) ** reach
 
