@@ -208,6 +208,76 @@ void correlation(Output& out) {
   for (const auto* values : {&sums, &agrees, &support}) out.add(*values);
 }
 
+void texture(Output& out) {
+  for (const int count : {0, 1, 2, 3, 17, 129, 130, 131, width}) {
+    const std::vector<uint8_t> view = bytes(static_cast<size_t>(3 * width));
+    std::vector<uint16_t> differences(width);
+    compute([&] { kernels().noise_row(view.data(), view.data() + width, view.data() + 2 * width, count, differences.data()); });
+    for (const uint16_t value : differences) out.add(std::vector<float>{static_cast<float>(value)});
+  }
+  const std::vector<float> levels = floats(static_cast<size_t>(tile_cells * width), 0.0f, 255.0f);
+  std::vector<float> roughness(width / tile_cells);
+  compute([&] { kernels().tile_row({levels.data(), width, width / tile_cells, roughness.data()}); });
+  out.add(roughness);
+  std::vector<float> correlation = floats(width, -1.0f, 1.0f), sums(width), squares(width), known(width);
+  correlation[7] = std::nanf("");
+  kernels().add_known(correlation.data(), width, sums.data(), squares.data(), known.data());
+  for (const auto* values : {&sums, &squares, &known}) out.add(*values);
+}
+
+void motion(Output& out) {
+  constexpr size_t cells = motion_patch * motion_patch;
+  const std::vector<float> map = floats(static_cast<size_t>((motion_patch + 1) * width), 0.0f, 255.0f);
+  const std::vector<float> along_x = floats(cells, -9.0f, 9.0f), along_y = floats(cells, -9.0f, 9.0f), seen = floats(cells, -99.0f, 99.0f);
+  std::vector<float> found(cells), sums(2);
+  for (const float along : {0.0f, 0.3f}) {
+    compute([&] {
+      kernels().blend_patch(map.data() + 5, width, along, 0.8f, found.data());
+      kernels().motion_sums(found.data(), seen.data(), along_x.data(), along_y.data(), sums.data());
+    });
+    out.add(found);
+    out.add(sums);
+  }
+}
+
+// What is left across the rows, and the fit that explains it.
+void rig(Output& out) {
+  constexpr int cells = width / 2;
+  constexpr int windows = (cells - 1) / 2;
+  constexpr int rows = 9;
+  const std::vector<float> left = floats(static_cast<size_t>(rows * width), 0.0f, 255.0f);
+  const std::vector<float> right = floats(static_cast<size_t>(rows * width), 0.0f, 255.0f);
+  std::vector<float> disparity = floats(cells, 0.0f, 30.0f);
+  disparity[9] = std::nanf("");
+  const std::vector<float> offset = floats(cells, -1.0f, 1.0f), wanted(cells, 1.0f);
+  std::vector<float> sums(static_cast<size_t>(row_step_sums * cells)), step(windows), weight(windows);
+  for (int row = 3; row < 6; ++row) {
+    kernels().row_step_row({left.data(), right.data(), width, rows, row, cells, disparity.data(), offset.data(), wanted.data(), sums.data()});
+  }
+  compute([&] { kernels().row_windows({sums.data(), cells, windows, 0.1f, 2.0f, 20.0f, 2.0f, step.data(), weight.data()}); });
+  for (const auto* values : {&sums, &step, &weight}) out.add(*values);
+  constexpr int count = 19 * fit_lanes;
+  std::vector<std::vector<float>> terms;
+  FitSums fit{};
+  for (int t = 0; t < fit_terms; ++t) {
+    terms.push_back(floats(count, -1.0f, 1.0f));
+    fit.step[t] = 0.1f;
+  }
+  for (int t = 0; t < fit_terms; ++t) fit.terms[t] = terms[static_cast<size_t>(t)].data();
+  const std::vector<float> rest = floats(count, -1.0f, 1.0f), counts = floats(count, -0.1f, 1.0f);
+  std::vector<double> found(fit_sums);
+  fit.rest = rest.data();
+  fit.weight = counts.data();
+  fit.count = count;
+  fit.limit = 0.6f;
+  fit.sums = found.data();
+  for (const Robust robust : {Robust::none, Robust::huber, Robust::tukey}) {
+    fit.robust = robust;
+    compute([&] { kernels().add_up_fit(fit); });
+    for (const double sum : found) out.add(std::vector<float>{static_cast<float>(sum), static_cast<float>(sum - static_cast<double>(static_cast<float>(sum)))});
+  }
+}
+
 void depth(Output& out) {
   for (const bool metric : {false, true}) {
     std::vector<float> disparity = floats(width, -3.0f, 90.0f);
@@ -241,6 +311,9 @@ const std::map<std::string, std::function<void(Output&)>> works = {
     {"resize", resize},
     {"joint_bilateral", joint_bilateral},
     {"correlation", correlation},
+    {"texture", texture},
+    {"motion", motion},
+    {"rig", rig},
     {"depth", depth},
 };
 

@@ -13,6 +13,7 @@ import endosdk
 from endosdk import Cause, Reason, Status, _core
 from endosdk.measure import rectified_to_raw
 from tests.conftest import TINY_MODEL, shifted_pair
+from tests.core_rigs import every_isa
 from tests.reference import resampling, view_measures
 from tests.rigs import raw_rig
 
@@ -134,6 +135,18 @@ def test_measures_equal_their_twins(estimator):
         }
         for name, cause in seen.items():
             assert result.measures[cause] == pytest.approx(wanted[name], rel=1e-3, abs=1e-3), name
+
+
+@every_isa
+def test_every_set_of_kernels_measures_the_same(isa, estimator, restored_settings):
+    left, right = shifted_pair(*SIZE, 9)
+    right[20:60, 100:200] = 60
+    seen = []
+    for name in ("plain", isa):
+        _core.set_isa(name)
+        seen.append(estimator.predict(noisy(left, 3, 1), cv2.GaussianBlur(noisy(right, 3, 2), (0, 0), 1)).measures)
+    assert seen[0][Cause.COVERED] > 0 and seen[0][Cause.BLURRED] > 0
+    assert seen[0] == seen[1]
 
 
 @pytest.mark.parametrize(("x", "y", "radius"), [(120, 90, 85), (110, 100, 105), (120, 90, 130)])

@@ -40,15 +40,6 @@ double cut_weight(double share) {
 
 }  // namespace
 
-std::array<float, pose_terms> PosePattern::rows(float x, float y, float disparity) const {
-  const auto metric = static_cast<float>(static_cast<double>(disparity) + doffs);
-  const auto fy = static_cast<float>(focal_y);
-  const float per_focal = metric / static_cast<float>(focal_x);
-  const float u = (x - static_cast<float>(cx)) / static_cast<float>(focal_x) - per_focal;  // of the right view
-  const float v = (y - static_cast<float>(cy)) / fy;
-  return {-fy * (1.0f + v * v), fy * u * v, fy * u, fy * per_focal, -fy * v * per_focal};
-}
-
 PosePattern::Line PosePattern::line(const PoseVector& value, double y) const {
   const double v = (y - cy) / focal_y;
   const double per_u = focal_y * (value[1] * v + value[2]);
@@ -84,12 +75,10 @@ void PoseMeasurements::resize(int count) {
   sorted_.reserve(most_sorted + 1);
 }
 
-void PoseMeasurements::set(int i, const std::array<float, pose_terms>& rows, float rest, float weight, int block) {
-  const auto at = static_cast<size_t>(i);
-  for (size_t t = 0; t < pose_terms; ++t) rows_[t][at] = rows[t];
-  rest_[at] = rest;
-  weight_[at] = weight;
-  block_[at] = block;
+PoseMeasurements::Span PoseMeasurements::from(int first) {
+  Span span{{}, rest_.data() + first, weight_.data() + first, block_.data() + first};
+  for (size_t t = 0; t < pose_terms; ++t) span.rows[t] = rows_[t].data() + first;
+  return span;
 }
 
 float PoseMeasurements::left_over(size_t i, const PoseVector& step) const {

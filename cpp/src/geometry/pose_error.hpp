@@ -30,7 +30,14 @@ struct PosePattern {
   bool calibrated = false;  // else the focal length is a stand-in, and angles mean nothing
 
   // Rows, px, by which the match of (x, y) at this disparity lies lower, per radian of each term.
-  std::array<float, pose_terms> rows(float x, float y, float disparity) const;
+  std::array<float, pose_terms> rows(float x, float y, float disparity) const {
+    const auto metric = static_cast<float>(static_cast<double>(disparity) + doffs);
+    const auto fy = static_cast<float>(focal_y);
+    const float per_focal = metric / static_cast<float>(focal_x);
+    const float u = (x - static_cast<float>(cx)) / static_cast<float>(focal_x) - per_focal;  // of the right view
+    const float v = (y - static_cast<float>(cy)) / fy;
+    return {-fy * (1.0f + v * v), fy * u * v, fy * u, fy * per_focal, -fy * v * per_focal};
+  }
 
   // The same of a whole turn, which along one row of pixels is linear in x and the disparity.
   struct Line {
@@ -63,10 +70,15 @@ class PoseMeasurements {
  public:
   void resize(int count);
 
-  // `rest`: px that are left across the rows; a weight of 0: nothing was measured here. `block`: below pose_blocks, the part
-  // of the picture.
-  void set(int i, const std::array<float, pose_terms>& rows, float rest, float weight, int block);
-  void clear(int i) { weight_[static_cast<size_t>(i)] = 0.0f; }
+  // Where measurements are written, from one of them on. `rest`: px that are left across the rows; a weight of 0: nothing was
+  // measured here, and the rest must be numbers all the same. `block`: below pose_blocks, the part of the picture.
+  struct Span {
+    std::array<float*, pose_terms> rows;
+    float* rest;
+    float* weight;
+    int* block;
+  };
+  Span from(int first);
 
   // Adds to the value what the measurements tell. False where they are too few.
   bool refine(PoseVector& value);

@@ -187,6 +187,16 @@ void correlation_row(const CorrelationRow& row) {
   }
 }
 
+void add_known(const float* values, int count, float* __restrict sums, float* __restrict squares, float* __restrict known) {
+  for (int i = 0; i < count; ++i) {
+    const bool is_known = values[i] == values[i];
+    const float value = is_known ? values[i] : 0.0f;
+    sums[i] += value;
+    squares[i] += value * value;
+    known[i] += is_known ? 1.0f : 0.0f;
+  }
+}
+
 void patch_products(const PatchProducts& row) {
   for (int i = 0; i < row.count; ++i) row.out[i] = 0.0f;
   for (int r = 0; r < patch_cells / patch_width; ++r) {

@@ -140,6 +140,17 @@ struct CorrelationRow {
   float* support;      // share of the network's confidence that the pictures leave, 0..1
 };
 
+// Cells along a side of the tiles whose roughness tells texture.
+constexpr int tile_cells = 8;
+
+// One row of tiles, and of each the variance of its cells beside the plane through them.
+struct TileRow {
+  const float* levels;  // of the first row of cells
+  ptrdiff_t stride;
+  int tiles;
+  float* roughness;
+};
+
 // A patch of cells that is looked for in another view.
 constexpr int patch_reach_along = 5;
 constexpr int patch_reach_down = 4;
@@ -154,6 +165,9 @@ struct PatchProducts {
   int count;
   float* out;
 };
+
+// Pixels along a side of a patch whose motion is followed.
+constexpr int motion_patch = 8;
 
 // Sums of a Lucas-Kanade step: how many cells count, the left view's gradients along x and y, the difference of the views,
 // and the products of these three.
@@ -173,15 +187,22 @@ struct RowStepRow {
   float* sums;          // row_step_sums planes of `cells` values, which are added to; cell 0 is left out
 };
 
-// What the sums tell of windows of three rows of three cells, the first around cell 1, one every other cell.
+// Cells of a window, three rows of three, all of which must count.
+constexpr int row_window_cells = 9;
+
+// What the sums tell of windows, the first around cell 1, one every other cell.
 struct RowWindows {
   const float* sums;  // of a row_step_row for each of the rows
   int cells;
   int count;    // of windows; 2 * count < cells
   float ridge;  // keeps windows without gradients along x from dividing by zero
-  float* counted;      // cells that count, for each window
-  float* step;         // rows that the match lies lower
-  float* information;  // the gradients along y that a wrong disparity does not explain
+  // Of information, which is the gradients along y that a wrong disparity does not explain: up to the least a window tells
+  // nothing, from enough on more tells little more.
+  float least_information;
+  float enough_information;
+  float longest_step;  // longer ones are wrong
+  float* step;    // rows that the match lies lower; 0 where the window tells nothing
+  float* weight;  // 0 where the window tells nothing, up to 1
 };
 
 // Numbers that a robust fit of lines finds, and how many sums that takes: products of all two terms, the second not after
@@ -234,9 +255,19 @@ struct FitSums {
   /* What the structs above say. */                                                                                    \
   KERNEL(void, joint_bilateral_row, (const JointBilateralRow& row))                                                    \
   KERNEL(void, brightness_row, (const BrightnessRow& row))                                                             \
+  /* Sizes of the mixed second difference at pixels 1 to count - 2 of a row between two others. */                     \
+  KERNEL(void, noise_row, (const uint8_t* above, const uint8_t* here, const uint8_t* below, int count, uint16_t* out))  \
+  KERNEL(void, tile_row, (const TileRow& row))                                                                         \
   KERNEL(void, match_row, (const MatchRow& row))                                                                       \
   KERNEL(void, correlation_row, (const CorrelationRow& row))                                                           \
+  /* Adds values, their squares and how many there are, each to its own column; what is no number is left out. */      \
+  KERNEL(void, add_known, (const float* values, int count, float* sums, float* squares, float* known))                 \
   KERNEL(void, patch_products, (const PatchProducts& row))                                                            \
+  /* A patch whose first value lies so far after and below the map's first, 0..1, about its mean. */                   \
+  KERNEL(void, blend_patch, (const float* map, ptrdiff_t stride, float along, float down, float* out))                 \
+  /* What two patches differ by, times the first one's slopes along x and along y: two sums. */                        \
+  KERNEL(void, motion_sums, (const float* patch, const float* other, const float* along_x, const float* along_y,       \
+                             float* sums))                                                                             \
   KERNEL(void, row_step_row, (const RowStepRow& row))                                                                 \
   KERNEL(void, row_windows, (const RowWindows& row))                                                                  \
   KERNEL(void, add_up_fit, (const FitSums& fit))                                                                      \

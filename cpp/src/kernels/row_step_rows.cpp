@@ -22,8 +22,13 @@ void add(const float* values, int count, float* __restrict out) {
 }
 
 // One step of each window, whose values are taken about their mean over all its cells.
-void solve(const float (&s)[row_step_sums][chunk], float ridge, float share, int count, float* __restrict counted,
-           float* __restrict step, float* __restrict information) {
+void solve(const float (&s)[row_step_sums][chunk], const RowWindows& windows, int count, float* __restrict step, float* __restrict weight) {
+  constexpr float cells = row_window_cells;
+  constexpr float share = 1.0f / cells;
+  const float least = windows.least_information;
+  const float enough = windows.enough_information;
+  const float longest = windows.longest_step;
+  const float ridge = windows.ridge;
   for (int i = 0; i < count; ++i) {
     const float xx = s[4][i] - s[1][i] * s[1][i] * share + ridge;
     const float xy = s[5][i] - s[1][i] * s[2][i] * share;
@@ -31,9 +36,11 @@ void solve(const float (&s)[row_step_sums][chunk], float ridge, float share, int
     const float along = s[7][i] - s[1][i] * s[3][i] * share;
     const float across = s[8][i] - s[2][i] * s[3][i] * share;
     const float determinant = xx * yy - xy * xy;
-    counted[i] = s[0][i];
-    step[i] = (xx * across - xy * along) / determinant;
-    information[i] = determinant / xx;
+    const float found = (xx * across - xy * along) / determinant;
+    const float information = determinant / xx;
+    const int usable = (s[0][i] == cells) & (information > least) & (found > -longest) & (found < longest);
+    step[i] = usable ? found : 0.0f;
+    weight[i] = usable ? information / (information + enough) : 0.0f;
   }
 }
 
@@ -86,7 +93,6 @@ void row_step_row(const RowStepRow& row) {
 }
 
 void row_windows(const RowWindows& row) {
-  constexpr float share = 1.0f / 9.0f;
   for (int first = 0; first < row.count; first += chunk) {
     const int count = row.count - first < chunk ? row.count - first : chunk;
     float sums[row_step_sums][chunk];
@@ -94,7 +100,7 @@ void row_windows(const RowWindows& row) {
       const float* const plane = row.sums + p * static_cast<ptrdiff_t>(row.cells) + 2 * first;
       for (int i = 0; i < count; ++i) sums[p][i] = plane[2 * i] + plane[2 * i + 1] + plane[2 * i + 2];
     }
-    solve(sums, row.ridge, share, count, row.counted + first, row.step + first, row.information + first);
+    solve(sums, row, count, row.step + first, row.weight + first);
   }
 }
 

@@ -65,43 +65,46 @@ float product(const Patch& a, const Patch& b) {
   return sum_of(sums);
 }
 
-// Two neighbouring rows of a patch that lies inside the map, blended; its columns lie equally far between pixels.
-void blend_row(const float* above, const float* below, float along, float down, float* __restrict out) {
-  for (int x = 0; x < ImageMotion::patch; ++x) {
-    const float upper = above[x] * (1.0f - along) + above[x + 1] * along;
-    const float lower = below[x] * (1.0f - along) + below[x + 1] * along;
-    out[x] = upper * (1.0f - down) + lower * down;
-  }
-}
-
-// The patch whose first pixel lies at (left, top), which may be between pixels.
+// The patch whose first pixel lies at (left, top), which may be between pixels, about its mean. Beyond the map its edge goes on.
 void read_patch(const FloatView& map, float left, float top, Patch& out) {
-  const Between column(left, map.width);
-  const bool inside = left >= 0.0f && column.first + ImageMotion::patch < map.width;
-  for (int y = 0; y < ImageMotion::patch; ++y) {
-    const Between row(top + static_cast<float>(y), map.height);
-    float* const to = out.data() + static_cast<ptrdiff_t>(y) * ImageMotion::patch;
-    if (inside) {
-      const float* const above = map.data + static_cast<ptrdiff_t>(row.first) * map.width + column.first;
-      const float* const below = map.data + static_cast<ptrdiff_t>(row.second) * map.width + column.first;
-      blend_row(above, below, column.share, row.share, to);
-    } else {
-      for (int x = 0; x < ImageMotion::patch; ++x) to[x] = blend(map, Between(left + static_cast<float>(x), map.width), row);
+  constexpr int side = ImageMotion::patch + 1;
+  // A patch that lies farther out looks alike.
+  const auto place = [](float at, int size) { return std::clamp(at, static_cast<float>(-side), static_cast<float>(size)); };
+  const float x = place(left, map.width);
+  const float y = place(top, map.height);
+  const int column = static_cast<int>(std::floor(x));
+  const int row = static_cast<int>(std::floor(y));
+  const float* from = map.data + static_cast<ptrdiff_t>(row) * map.width + column;
+  ptrdiff_t stride = map.width;
+  std::array<float, size_t{side} * side> copy;
+  if (column < 0 || row < 0 || column + side > map.width || row + side > map.height) {
+    std::array<int, side> columns;
+    for (int i = 0; i < side; ++i) columns[static_cast<size_t>(i)] = std::clamp(column + i, 0, map.width - 1);
+    float* to = copy.data();
+    for (int i = 0; i < side; ++i) {
+      const float* const pixels = map.data + static_cast<ptrdiff_t>(std::clamp(row + i, 0, map.height - 1)) * map.width;
+      for (const int at : columns) *to++ = pixels[at];
     }
+    from = copy.data();
+    stride = side;
   }
-  subtract_mean(out);
+  kernels().blend_patch(from, stride, x - static_cast<float>(column), y - static_cast<float>(row), out.data());
 }
 
 // Slopes along both axes; 0 at the edges of the map.
 void read_slopes(const FloatView& map, int left, int top, Patch& along_x, Patch& along_y) {
-  for (int i = 0; i < cells; ++i) {
-    const int x = left + i % ImageMotion::patch;
-    const int y = top + i / ImageMotion::patch;
-    const float* const here = map.data + static_cast<ptrdiff_t>(y) * map.width + x;
-    const bool inside_x = x > 0 && x + 1 < map.width;
-    const bool inside_y = y > 0 && y + 1 < map.height;
-    along_x[static_cast<size_t>(i)] = inside_x ? 0.5f * (here[1] - here[-1]) : 0.0f;
-    along_y[static_cast<size_t>(i)] = inside_y ? 0.5f * (here[map.width] - here[-map.width]) : 0.0f;
+  constexpr int side = ImageMotion::patch;
+  for (int v = 0; v < side; ++v) {
+    const int y = top + v;
+    const float* const here = map.data + static_cast<ptrdiff_t>(y) * map.width + left;
+    float* const out_x = along_x.data() + static_cast<ptrdiff_t>(v) * side;
+    float* const out_y = along_y.data() + static_cast<ptrdiff_t>(v) * side;
+    const int first = left > 0 ? 0 : 1;
+    const int end = left + side < map.width ? side : side - 1;
+    out_x[0] = out_x[side - 1] = 0.0f;
+    for (int u = first; u < end; ++u) out_x[u] = 0.5f * (here[u + 1] - here[u - 1]);
+    const bool inside = y > 0 && y + 1 < map.height;
+    for (int u = 0; u < side; ++u) out_y[u] = inside ? 0.5f * (here[u + map.width] - here[u - map.width]) : 0.0f;
   }
   subtract_mean(along_x);
   subtract_mean(along_y);
@@ -119,11 +122,10 @@ void follow(const FloatView& now, const FloatView& before, int left, int top, fl
   float x = shift_x, y = shift_y;
   for (int i = 0; i < steps; ++i) {
     read_patch(before, static_cast<float>(left) + x, static_cast<float>(top) + y, found);
-    for (size_t k = 0; k < found.size(); ++k) found[k] -= seen[k];
-    const float of_x = product(along_x, found);
-    const float of_y = product(along_y, found);
-    x -= (c * of_x - b * of_y) / determinant;
-    y -= (a * of_y - b * of_x) / determinant;
+    float of[2];
+    kernels().motion_sums(found.data(), seen.data(), along_x.data(), along_y.data(), of);
+    x -= (c * of[0] - b * of[1]) / determinant;
+    y -= (a * of[1] - b * of[0]) / determinant;
   }
   constexpr float farthest = ImageMotion::patch / 2.0f;
   if (!(std::max(std::abs(x - shift_x), std::abs(y - shift_y)) <= farthest)) return;

@@ -7,6 +7,7 @@
 #include "images/image.hpp"
 #include "images/resize.hpp"
 #include "images/size.hpp"
+#include "kernels/kernels.hpp"
 
 namespace endosdk {
 
@@ -48,7 +49,7 @@ class BrightnessPyramid {
 
 class ImageMotion {
  public:
-  static constexpr int patch = 8;  // pixels of a level
+  static constexpr int patch = motion_patch;  // pixels of a level
   static constexpr int step = 4;   // from a patch to the next
 
   // Both pyramids are of views of one size. `finest` is the last level that is looked at, in whose pixels shifts are.

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
+#include <numeric>
 
 #include "kernels/kernels.hpp"
 #include "platform/threads.hpp"
@@ -20,28 +20,34 @@ size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cas
 
 // White noise comes through a mask of 1 -2 1, both ways, six times as strong; of a normal law half of the values lie
 // within 0.6745 standard deviations. Texture hardly changes the median. What lies outside the field of view may have none.
-double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView& field) {
+double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView& field, std::vector<uint16_t>& differences) {
   constexpr int green = 1;
   constexpr int largest = 8 * 255;
   constexpr double half = 0.6745 * 6.0;
-  std::array<int, largest + 1> histogram{};
+  // Two, because most differences are alike, and a count that was just changed must be waited for.
+  std::array<int, largest + 1> one{};
+  std::array<int, largest + 1> other{};
   const int step = 2 * unit;
+  differences.resize(static_cast<size_t>(cells.width * step));
   int count = 0;
   for (int y = 1; y + 1 < cells.height * step; y += 2 * step) {
-    const uint8_t* const above = view.row(green, y - 1);
-    const uint8_t* const here = view.row(green, y);
-    const uint8_t* const below = view.row(green, y + 1);
     const FieldOfView::Extent seen = field.extent(y / step, 0);
-    for (int x = seen.first * step + 1; x + 1 < (seen.last + 1) * step; x += step) {
-      const int corners = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1];
-      const int sides = above[x] + here[x - 1] + here[x + 1] + below[x];
-      ++histogram[static_cast<size_t>(std::abs(corners - 2 * sides + 4 * here[x]))];
+    const int first = seen.first * step;
+    const int width = (seen.last + 1) * step - first;
+    kernels().noise_row(view.row(green, y - 1) + first, view.row(green, y) + first, view.row(green, y + 1) + first, width, differences.data());
+    int x = 1;
+    for (; x + step + 1 < width; x += 2 * step, count += 2) {
+      ++one[differences[static_cast<size_t>(x)]];
+      ++other[differences[static_cast<size_t>(x + step)]];
+    }
+    if (x + 1 < width) {
+      ++one[differences[static_cast<size_t>(x)]];
       ++count;
     }
   }
   int below_it = 0;
   for (int value = 0; value <= largest; ++value) {
-    const int here = histogram[static_cast<size_t>(value)];
+    const int here = one[static_cast<size_t>(value)] + other[static_cast<size_t>(value)];
     // Between whole values, so that noise below a grey level is not taken for none.
     if (here > 0 && 2 * (below_it + here) >= count) return (value + (0.5 * count - below_it) / here - (value > 0 ? 0.5 : 0.0)) / half;
     below_it += here;
@@ -99,7 +105,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   parallel_for(2, 1, [&](int begin, int end, int) {
     for (int i = begin; i < end; ++i) {
       find_field(i);
-      *noise[i] = noise_of(*views[i], cells_, unit_, field(i));
+      *noise[i] = noise_of(*views[i], cells_, unit_, field(i), differences_[i]);
     }
   });
   place(disparity, grid);
@@ -179,23 +185,25 @@ void MatchedViews::find_field(int view) {
   if (known_[static_cast<size_t>(view)] == nullptr) found_[view].find(levels.data(), cells_);
 }
 
+// Sums run down the columns first, so that the compiler adds whole rows.
 void MatchedViews::sum_up() {
-  double sum = 0.0;
-  double squares = 0.0;
-  int textured = 0;
+  const auto width = static_cast<size_t>(cells_.width);
+  std::fill_n(scratch_.begin(), 3 * width, 0.0f);
+  float* const sums = scratch_.data();
+  float* const squares = sums + width;
+  float* const known = squares + width;
   for (int y = 0; y < cells_.height; ++y) {
     const FieldOfView::Extent seen = field(0).extent(y, 0);
-    for (int x = seen.first; x <= seen.last; ++x) {
-      const auto correlation = static_cast<double>(this->correlation(y)[x]);
-      if (std::isnan(correlation)) continue;
-      sum += correlation;
-      squares += correlation * correlation;
-      ++textured;
-    }
+    const int x = seen.first;
+    kernels().add_known(correlation(y) + x, seen.last - x + 1, sums + x, squares + x, known + x);
   }
+  const auto total = [](const float* values, size_t count) { return std::accumulate(values, values + count, 0.0); };
+  const double sum = total(sums, width);
+  const double squared = total(squares, width);
+  const double textured = total(known, width);
   const double windows = std::max(1.0, textured / correlation_cells);
   mean_correlation_ = textured > 0 ? sum / textured : 0.0;
-  const double variance = textured > 0 ? std::max(0.0, squares / textured - mean_correlation_ * mean_correlation_) : 1.0;
+  const double variance = textured > 0 ? std::max(0.0, squared / textured - mean_correlation_ * mean_correlation_) : 1.0;
   most_correlation_ = mean_correlation_ + one_in_a_thousand * std::sqrt(variance / windows);
   textured_share_ = textured / (field(0).share() * static_cast<double>(correlation_.size()));
 }

@@ -88,6 +88,7 @@ class MatchedViews {
   FieldOfView found_[2];
   std::vector<float> levels_[2];  // of cells
   std::vector<float> brightness_[2];
+  std::vector<uint16_t> differences_[2];  // of one row of pixels
   std::vector<float> disparity_;  // with a cell more on every side
   std::vector<float> sums_;
   std::vector<float> correlation_;

@@ -18,8 +18,6 @@ constexpr int most_coarse_passes = 6;
 // Radians: turns that change by less from pass to pass are near enough.
 constexpr double settled = 0.0005;
 
-constexpr float window_cells = 9.0f;  // three rows of three cells, all of which must count
-
 // A window whose gradients along y, beyond those that a wrong disparity explains, sum up to less tells nothing; from
 // `enough` on, more tells little more: what is left then is no noise.
 constexpr float least_information = 2.0f;
@@ -48,7 +46,7 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   bands_ = cells.height >= 2 * first_band + 1 ? (cells.height - 1 - 2 * first_band) / band_period + 1 : 0;
   along_ = std::max(0, (cells.width - 1) / 2);
   // All memory before any way out, so that the first frame takes what later ones need.
-  scratch_size_ = (row_step_sums + 1) * cells.width + 3 * along_;
+  scratch_size_ = (row_step_sums + 1) * cells.width;
   const int workers = thread_count();
   scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(scratch_size_));
   wanted_.resize(static_cast<size_t>(3 * bands_) * static_cast<size_t>(cells.width));
@@ -57,7 +55,7 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   error_ = {};
   if (bands_ == 0 || along_ == 0) return error_;
   const double noise = std::max(views.left_noise(), views.right_noise());
-  flat_ = least_information + window_cells * static_cast<float>(noise * noise / (8.0 * views.unit() * views.unit()));
+  flat_ = least_information + row_window_cells * static_cast<float>(noise * noise / (8.0 * views.unit() * views.unit()));
   find_wanted(confidence, grid);
   for (int i = 0; i < most_coarse_passes; ++i) {
     const PoseVector before = error_.value;
@@ -90,19 +88,17 @@ void RowDisparity::find_wanted(const FloatView& confidence, Scale grid) {
 
 // Measures every so many bands and forgets the others.
 void RowDisparity::pass(int every) {
-  every_ = every;
-  const auto bands = [this](int begin, int end, int worker) {
-    for (int band = begin; band < end; ++band) measure_band(band, worker);
+  const int apart = bands_ >= every ? every : 1;
+  const int measured = (bands_ + apart - 1 - apart / 2) / apart;
+  measurements_.resize(measured * along_);
+  const auto bands = [&](int begin, int end, int worker) {
+    for (int i = begin; i < end; ++i) measure_band(apart / 2 + i * apart, i * along_, worker);
   };
-  parallel_for(bands_, 1, bands, static_cast<int>(scratch_.size()) / scratch_size_);
+  parallel_for(measured, 1, bands, static_cast<int>(scratch_.size()) / scratch_size_);
 }
 
-void RowDisparity::measure_band(int band, int worker) {
-  const int first = band * along_;
-  if (band % every_ != every_ / 2 && bands_ >= every_) {
-    for (int i = 0; i < along_; ++i) measurements_.clear(first + i);
-    return;
-  }
+// Its measurements begin at `first`.
+void RowDisparity::measure_band(int band, int first, int worker) {
   const Size cells = views_->size();
   const int row = first_row(band);
   float* const sums = scratch_of(worker);
@@ -112,9 +108,8 @@ void RowDisparity::measure_band(int band, int worker) {
   const auto across = static_cast<float>(column_.x);
   const auto down = static_cast<float>(column_.y);
   const double y = (row + 0.5) * column_.y - 0.5;
-  const auto place_of = [&](int cell) { return static_cast<float>((2 * cell + 0.5) * column_.x - 0.5); };
   const PosePattern::Line line = pattern_.line(error_.value, y);
-  const float first_place = place_of(0);
+  const auto first_place = static_cast<float>(0.5 * column_.x - 0.5);
   for (int i = 0; i < cells.width; ++i) {
     offset[i] = line.at(first_place + 2.0f * across * static_cast<float>(i), across * disparity[i]) * (1.0f / down);
   }
@@ -124,20 +119,20 @@ void RowDisparity::measure_band(int band, int worker) {
                             views_->disparity(here), offset,
                             wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, sums});
   }
-  float* const counted = offset + cells.width;
-  float* const step = counted + along_;
-  float* const information = step + along_;
-  kernels().row_windows({sums, cells.width, along_, ridge, counted, step, information});
-  const int block_row = band * pose_blocks_down / bands_ * pose_blocks_across;
+  const PoseMeasurements::Span out = measurements_.from(first);
+  kernels().row_windows({sums, cells.width, along_, ridge, flat_, enough_information, longest_step, out.rest, out.weight});
+  const PosePattern pattern = pattern_;
   for (int i = 0; i < along_; ++i) {
     const int cell = 2 * i + 1;
-    const bool usable = counted[i] == window_cells && information[i] > flat_ && std::abs(step[i]) < longest_step;
-    if (!usable) {
-      measurements_.clear(first + i);
-      continue;
-    }
-    measurements_.set(first + i, pattern_.rows(place_of(cell), static_cast<float>(y), across * disparity[cell]), step[i] * down,
-                      information[i] / (information[i] + enough_information), block_row + i * pose_blocks_across / along_);
+    const auto x = static_cast<float>((2 * cell + 0.5) * column_.x - 0.5);
+    const float found = disparity[cell];
+    const std::array<float, pose_terms> rows = pattern.rows(x, static_cast<float>(y), across * (out.weight[i] > 0.0f ? found : 0.0f));
+    for (size_t t = 0; t < pose_terms; ++t) out.rows[t][i] = rows[t];
+    out.rest[i] *= down;
+  }
+  for (int part = 0; part < pose_blocks_across; ++part) {
+    const auto begin = [&](int of) { return (of * along_ + pose_blocks_across - 1) / pose_blocks_across; };
+    std::fill(out.block + begin(part), out.block + begin(part + 1), band * pose_blocks_down / bands_ * pose_blocks_across + part);
   }
 }
 

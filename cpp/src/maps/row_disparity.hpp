@@ -24,7 +24,7 @@ class RowDisparity {
   const PoseError& latest() const { return error_; }
 
  private:
-  void measure_band(int band, int worker);
+  void measure_band(int band, int first, int worker);
   void find_wanted(const FloatView& confidence, Scale grid);
   void pass(int every);
   float* scratch_of(int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * scratch_size_; }
@@ -34,7 +34,6 @@ class RowDisparity {
   Scale column_;  // frame px per column and per row of brightness
   int bands_ = 0;
   int along_ = 0;  // windows along a band
-  int every_ = 1;
   float flat_ = 0.0f;
   int scratch_size_ = 0;
   PoseMeasurements measurements_;

@@ -1,18 +1,18 @@
 #include "maps/view_measures.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
+#include "kernels/kernels.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
 namespace {
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-constexpr int tile = 8;                // cells along a side
+constexpr int tile = tile_cells;
 constexpr float blown_out = 245.0f;    // grey level of a cell
 constexpr double flattest = 0.4;       // grey levels squared, beside a plane, that are no texture
 constexpr int least_tiles = 12;        // with texture, to say that a view is covered
@@ -30,37 +30,6 @@ double left_of_noise(int passes, int distance) {
   for (int i = 1; i <= n; ++i) share *= (2.0 * i - 1.0) / (2.0 * i);
   for (int i = 1; i <= distance; ++i) share *= static_cast<double>(n - i + 1) / (n + i);
   return share;
-}
-
-template <size_t Count>
-float sum_of(const std::array<float, Count>& values) {
-  float sum = 0.0f;
-  for (const float value : values) sum += value;
-  return sum;
-}
-
-// Variance of the cells of a tile beside the plane through them.
-float roughness(const float* levels, int stride) {
-  constexpr float count = tile * tile;
-  constexpr float spread = (tile * tile - 1) / 12.0f;  // variance of a place along one axis
-  constexpr float middle = 0.5f * (tile - 1);
-  const float base = levels[0];
-  std::array<float, tile> sums{}, squares{}, down{};
-  for (int y = 0; y < tile; ++y) {
-    for (size_t x = 0; x < tile; ++x) {
-      const float value = levels[x] - base;
-      sums[x] += value;
-      squares[x] += value * value;
-      down[x] += value * (static_cast<float>(y) - middle);
-    }
-    levels += stride;
-  }
-  std::array<float, tile> along;
-  for (size_t x = 0; x < tile; ++x) along[x] = sums[x] * (static_cast<float>(x) - middle);
-  const float mean = sum_of(sums) / count;
-  const float slope_along = sum_of(along);
-  const float slope_down = sum_of(down);
-  return sum_of(squares) / count - mean * mean - (slope_along * slope_along + slope_down * slope_down) / (count * count * spread);
 }
 
 // Sums run down the columns first, so that the compiler adds whole rows.
@@ -85,6 +54,7 @@ void ViewMeasures::measure(const MatchedViews& views, int picture_width) {
   const Size cells = views.size();
   tiles_ = {cells.width / tile, cells.height / tile};
   for (auto& textures : textures_) textures.resize(static_cast<size_t>(tiles_.width) * static_cast<size_t>(tiles_.height));
+  for (auto& roughness : roughness_) roughness.resize(static_cast<size_t>(tiles_.width));
   for (auto& sums : sums_) sums.resize(static_cast<size_t>(4 * cells.width));
   parallel_for(2, 1, [&](int begin, int end, int) {
     for (int view = begin; view < end; ++view) {
@@ -118,17 +88,19 @@ void ViewMeasures::find_light(const MatchedViews& views, int view) {
 void ViewMeasures::find_tiles(const MatchedViews& views, int view) {
   std::vector<uint8_t>& textures = textures_[view];
   const auto limit = static_cast<float>(flattest + 3.0 * views.noise_of_cell(view));
+  std::vector<float>& roughness = roughness_[view];
   for (int y = 0; y < tiles_.height; ++y) {
+    const int top = y * tile;
+    kernels().tile_row({views.levels(view, top), views.size().width, tiles_.width, roughness.data()});
     for (int x = 0; x < tiles_.width; ++x) {
       const int left = x * tile;
-      const int top = y * tile;
       const int right = left + tile - 1;
       const int bottom = top + tile - 1;
       const bool seen = views.sees(view, left, top) && views.sees(view, right, top) && views.sees(view, left, bottom) &&
                         views.sees(view, right, bottom);
       uint8_t& texture = textures[static_cast<size_t>(y * tiles_.width + x)];
       texture = none;
-      if (seen) texture = roughness(views.levels(view, top) + left, views.size().width) > limit ? textured : flat;
+      if (seen) texture = roughness[static_cast<size_t>(x)] > limit ? textured : flat;
     }
   }
 }

@@ -46,6 +46,7 @@ class ViewMeasures {
 
   Size tiles_;
   std::vector<uint8_t> textures_[2];  // of tiles: see Texture
+  std::vector<float> roughness_[2];  // of one row of tiles
   Rows rows_[2];
   std::vector<float> sums_[2];  // two rows of brightness each
   double levels_[2] = {};  // mean grey level, and share that is blown out, of each view
