@@ -15,6 +15,7 @@ namespace {
 constexpr int rows_per_block = 4;
 constexpr int edge_cells = 1;  // from the edge of a field of view: these show both sides
 constexpr double one_in_a_thousand = 3.09;  // standard deviations
+constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 
 size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
@@ -161,11 +162,16 @@ void MatchedViews::place(const FloatView& disparity, Scale grid) {
     const float* const source = disparity.data + static_cast<ptrdiff_t>(from) * disparity.width;
     float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + 1) * stride;
     for (int x = 0; x < cells_.width; ++x) out[x + 1] = columns_per_pixel * source[column[x]];
-    for (int x = 0; !whole && x < cells_.width; ++x) {
-      const float match = static_cast<float>(x) - 0.5f * out[x + 1];
-      const bool here = x >= left.first && x <= left.last;
-      const bool there = !field(1).is_part() || (match >= static_cast<float>(right.first) && match <= static_cast<float>(right.last));
-      if (!here || !there) out[x + 1] = std::numeric_limits<float>::quiet_NaN();
+    if (!whole) {
+      float* const cell = out + 1;
+      std::fill(cell, cell + std::min(left.first, cells_.width), unknown);
+      std::fill(cell + std::clamp(left.last + 1, 0, cells_.width), cell + cells_.width, unknown);
+      const float first = field(1).is_part() ? static_cast<float>(right.first) : -std::numeric_limits<float>::infinity();
+      const float last = field(1).is_part() ? static_cast<float>(right.last) : std::numeric_limits<float>::infinity();
+      for (int x = left.first; x <= left.last; ++x) {
+        const float match = static_cast<float>(x) - 0.5f * cell[x];
+        if (!(match >= first && match <= last)) cell[x] = unknown;
+      }
     }
     out[0] = out[1];
     out[stride - 1] = out[stride - 2];
