@@ -79,6 +79,7 @@ class Answerer:
             "scale": (view_scale[0] / info.output_stride, view_scale[1] / info.output_stride),
             "view_scale": view_scale,
             "gain": 1 / view_scale[1],
+            "reach": network[0] / _core.confidence_parts,
             "min_confidence": _core.default_min_confidence,
             "max_candidate_disparity": float(info.max_candidate_disparity or 0),
         }

@@ -206,7 +206,7 @@ int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   check_names(fields, "fields",
               {"disparity", "confidence", "scale", "view_scale", "gain", "reach", "min_confidence", "max_candidate_disparity",
                "left", "right", "right_shift", "valid_left", "valid_right", "focal_px", "baseline_mm", "doffs",
-               "min_depth_mm", "max_depth_mm"});
+               "min_depth_mm", "max_depth_mm", "pattern"});
   const FloatView first = float_view<float>(required_array(outputs, "disparity"), "disparity");
   check_grid(first, "out_disparity");
   PostprocessInput in;
@@ -234,6 +234,10 @@ int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   in.geometry = {field(fields, "focal_px", 0.0), field(fields, "baseline_mm", 0.0), field(fields, "doffs", 0.0),
                  field(fields, "min_depth_mm", 0.0),
                  field(fields, "max_depth_mm", std::numeric_limits<double>::infinity())};
+  if (fields.contains("pattern")) {
+    const auto pattern = fields["pattern"].cast<std::array<double, 5>>();
+    in.pattern = {pattern[0], pattern[1], pattern[2], pattern[3], pattern[4], true};
+  }
   const py::gil_scoped_release release;
   return postprocess(in, maps);
 }

@@ -9,6 +9,8 @@ import pytest
 
 from endosdk import DepthEstimator, StereoCalibration, _core
 from endosdk.errors import CalibrationRequired
+from endosdk.runtime.models import read_model
+from endosdk.runtime.session import StereoSession
 from tests.conftest import ROOT, shifted_pair
 from tests.core_rigs import every_isa
 from tests.reference import pose_error, postprocess, resampling
@@ -123,16 +125,28 @@ def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
 def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, restored_settings: None) -> None:
     left, right = cycles_pair(0)
     _core.set_isa(isa)
+    session = StereoSession(read_model("fast"), threads=1)
     with DepthEstimator("fast", calibration=RIG) as estimator:
         seen = estimator.predict(left, turned(right, (0.3, -0.4, 0.2)))
+        buffers = session.buffers(360, 480)
+        _core.pack(*estimator.rectified_pair(), buffers.left, buffers.right, "rgb")
+    session.run(buffers)
+    scale = 0.5 / session.info.output_stride
+    fields = {"disparity": buffers.disparity, "confidence": buffers.confidence, "left": buffers.left}
+    fields |= {"right": buffers.right, "scale": (scale, scale), "view_scale": (0.5, 0.5), "gain": 2.0}
+    fields |= {"focal_px": 400.0, "baseline_mm": 10.0}
+    sigmas = []
+    for more in ({}, {"pattern": PATTERN}):
+        maps = {name: np.empty((720, 960), np.float32) for name in ("disparity", "confidence", "depth", "sigma")}
+        maps["reasons"] = np.empty((720, 960), np.uint8)
+        _core.postprocess(fields | more, maps)
+        sigmas.append(maps["sigma"])
+    network, found = sigmas
+    valid = maps["reasons"] == 0
     assert seen.rig is not None and seen.rig.rotation_deg is not None and seen.rig.rotation_se_deg is not None
-    valid = seen.reasons == 0
-    network = postprocess.sigma(
-        seen.depth, seen.confidence, focal_baseline=4000.0, unit=seen.depth.shape[1] / _core.confidence_parts
-    )
     turns = np.radians(seen.rig.rotation_deg), np.radians(seen.rig.rotation_se_deg)
-    expected = postprocess.rig_sigma(seen.depth, network, *turns, focal_baseline=4000.0, pattern=PATTERN)
-    np.testing.assert_allclose(seen.sigma[valid], expected[valid], rtol=1e-3)
+    expected = postprocess.rig_sigma(maps["depth"], network, *turns, focal_baseline=4000.0, pattern=PATTERN)
+    np.testing.assert_allclose(found[valid], expected[valid], rtol=1e-3)
     assert np.median(expected[valid] / network[valid]) > 2
 
 

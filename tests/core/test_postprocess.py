@@ -129,8 +129,10 @@ def check_against_twin(frame: Frame, usable: int, out: dict[str, np.ndarray], op
     good = bits == 0
     np.testing.assert_array_equal(out["depth"][good], depth[good])
     assert np.isnan(out["depth"][~good]).all()
+    own = np.empty(frame.size, np.float32)  # the network's: sigma does not follow from the one that users see
+    _core.resize_bilinear(frame.confidence, own, 1 / frame.stride, 1 / frame.stride, 1.0)
     expected = postprocess.sigma(
-        depth[good].astype(float), out["confidence"][good], focal_baseline=FOCAL * BASELINE, unit=frame.stride * reach
+        depth[good].astype(float), own[good], focal_baseline=FOCAL * BASELINE, gain=frame.stride
     )
     np.testing.assert_allclose(out["sigma"][good], expected, rtol=2e-6)
     assert np.isnan(out["sigma"][~good]).all()
@@ -174,7 +176,7 @@ def test_sigma_over_the_whole_range_of_confidence(isa: str) -> None:
     usable, out = frame.run(min_confidence=0.0, focal_px=FOCAL, baseline_mm=BASELINE)
     assert usable == confidence.size - 5  # the first five matches lie left of the right view
     expected = postprocess.sigma(
-        np.float64(FOCAL * BASELINE / 5), confidence[:, 5:], focal_baseline=FOCAL * BASELINE, unit=1.0
+        np.float64(FOCAL * BASELINE / 5), confidence[:, 5:], focal_baseline=FOCAL * BASELINE, gain=1.0
     )
     np.testing.assert_allclose(out["sigma"][:, 5:], expected, rtol=2e-6)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from endosdk import _core
 from endosdk._core import Cause
+from tests.reference.postprocess import confidence_within
 from tests.reference.view_measures import brightness, cell_levels, deep_inside, noise, seen_cells
 
 LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
@@ -14,8 +15,10 @@ LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
 
 def correlation_of_views(
     disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Correlation of two views at the disparity found, the share of the confidence that is left, pixels per column.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Correlation of two views at the disparity found, what that and its edges leave, pixels per column.
+
+    What is left is a share of the confidence, and a power to which the doubt is raised.
 
     The correlation is NaN where nothing can be compared.
 
@@ -26,7 +29,7 @@ def correlation_of_views(
     there, _ = brightness(right, height, width)
     rows, cells = here.shape[0], here.shape[1] // 2
     if not here.size:
-        return np.empty((0, 0)), np.empty((0, 0)), unit
+        return np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)), unit
     factor = 6 / 16 * 6 / 16 / (2 * unit**2)
     views = (left, right)
     fields = [seen_cells(view, height, width) for view in views]
@@ -44,7 +47,7 @@ def correlation_of_views(
         first = np.where(deep[1].any(axis=1), deep[1].argmax(axis=1), cells)
         last = cells - 1 - deep[1][:, ::-1].argmax(axis=1)
         found[~((place >= first[:, None]) & (place <= last[:, None]))] = np.nan
-    correlation, share = np.full((rows, cells), np.nan), np.ones((rows, cells))
+    correlation, share, certainty = np.full((rows, cells), np.nan), np.ones((rows, cells)), np.ones((rows, cells))
     match = 2 * np.arange(cells, dtype=np.float32) - found
     inside = (match >= 0) & (match <= here.shape[1] - 1)
     column = np.minimum(np.where(inside, match, 0).astype(int), here.shape[1] - 2)
@@ -72,16 +75,19 @@ def correlation_of_views(
         around = found[max(0, row - 1) : row + 2, max(0, cell - 1) : cell + 2]
         if np.isinf(found[row, cell]):
             share[row, cell] = 0
+            certainty[row, cell] = 0.75
         elif not np.isnan(found[row, cell]):
-            share[row, cell] *= np.clip((4.5 - (np.nanmax(around) - np.nanmin(around))) / 3, 0, 1)
-    return correlation, share, unit
+            spread = np.nanmax(around) - np.nanmin(around)
+            share[row, cell] *= np.clip((4.5 - spread) / 3, 0, 1)
+            certainty[row, cell] = np.clip(3 - 1.5 * spread, 0.75, 3)
+    return correlation, share, certainty, unit
 
 
 def supported_confidence(
     disparity: np.ndarray, confidence: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
 ) -> tuple[np.ndarray, bool]:
     """Confidence times the share that the pictures leave of it, and whether the views belong together."""
-    correlation, share, unit = correlation_of_views(disparity, left, right, height, width)
+    correlation, share, certainty, unit = correlation_of_views(disparity, left, right, height, width)
     textured = np.isfinite(correlation)
     if share.size == 0:
         return confidence, True
@@ -96,7 +102,7 @@ def supported_confidence(
     y, x = np.indices(confidence.shape) + 0.5
     rows = np.minimum((y * left.shape[1] / confidence.shape[0]).astype(int) // (2 * unit), share.shape[0] - 1)
     cells = np.minimum((x * left.shape[2] / confidence.shape[1]).astype(int) // (2 * unit), share.shape[1] - 1)
-    return confidence * share[rows, cells].astype(np.float32), True
+    return share[rows, cells] * confidence_within(confidence, certainty[rows, cells]), True
 
 
 def coarse_match(left: np.ndarray, right: np.ndarray, picture: tuple[int, int]) -> tuple[float, float]:

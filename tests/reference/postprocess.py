@@ -59,18 +59,18 @@ def reasons(
     return bits
 
 
-def confidence_within(confidence: np.ndarray, reach: float) -> np.ndarray:
+def confidence_within(confidence: np.ndarray, reach: np.ndarray | float) -> np.ndarray:
     """Chance of an error up to ``reach`` network pixels, by Laplace's law, of that up to one pixel."""
     # 2^-24: nothing of single precision lies nearer to 1.
     return 1 - (1 - np.clip(confidence.astype(np.float64), 0, 1 - 2.0**-24)) ** reach
 
 
-def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, unit: float) -> np.ndarray:
-    """Expected depth error in mm: a Laplace law whose chance of an error up to ``unit`` px is the confidence."""
+def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, gain: float) -> np.ndarray:
+    """Expected depth error in mm: a Laplace law whose chance of an error up to one network pixel is the confidence."""
     # The limits are those of single precision, which is what confidence comes in.
     clamped = np.clip(confidence, np.float32(1e-6), np.float32(1 - 1e-6)).astype(np.float64)
     scale = -1 / np.log1p(-clamped)
-    return depth**2 / focal_baseline * unit * scale
+    return depth**2 / focal_baseline * gain * scale
 
 
 def rig_sigma(

@@ -56,15 +56,6 @@ def test_metric_depth_of_a_plane(pair):
     )
 
 
-def test_sigma_follows_its_formula(pair):
-    result = DepthEstimator(TINY_MODEL, calibration=rectified_rig()).predict(*pair)
-    confidence = np.clip(result.confidence.astype(np.float64), 1e-6, 1 - 1e-6)
-    unit = WIDTH / _core.confidence_parts
-    expected = result.depth.astype(np.float64) ** 2 / 1000.0 * unit * -1 / np.log1p(-confidence)
-    valid = result.reasons == 0
-    assert np.allclose(result.sigma[valid], expected[valid], rtol=2e-3)
-
-
 def test_depth_without_calibration_says_what_to_do(pair):
     result = DepthEstimator(TINY_MODEL).predict(*pair)
     for name in ("depth", "sigma"):

@@ -151,10 +151,6 @@ void blend_rows(const float* upper, const float* lower, float weight, float gain
   step[count - 1] = 0.0f;
 }
 
-void confidence_row(const float* confidence, int count, float reach, float* __restrict out) {
-  for (int i = 0; i < count; ++i) out[i] = confidence_within(confidence[i], reach);
-}
-
 int depth_row(const DepthRow& row, const DepthLimits& limits) {
   Scratch s;
   for (int i = chunk; i < 2 * chunk; ++i) s.cover[i] = infinity;
@@ -178,7 +174,7 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
       float* const depth = row.depth != nullptr ? row.depth + first : s.unwanted;
       write_depth(disparity, count, limits, s.reasons, depth);
       if (row.sigma != nullptr) {
-        write_sigma(s.reasons, confidence, depth, count, limits.sigma_factor, row.sigma + first);
+        write_sigma(s.reasons, row.own_confidence + first, depth, count, limits.sigma_factor, row.sigma + first);
       }
     }
     usable += write_reasons(s.reasons, count, row.reasons + first);

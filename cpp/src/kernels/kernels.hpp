@@ -26,6 +26,7 @@ constexpr int stretch_reach = 16;
 struct DepthRow {
   const float* disparity;
   const float* confidence;
+  const float* own_confidence;  // the network's, for sigma
   const uint8_t* brightness;  // least channel of the left view; null: not tested
   const uint8_t* inside_left;  // the field of view; null: all of it
   const uint8_t* valid_left;
@@ -45,7 +46,7 @@ struct DepthLimits {
   float doffs;           // px
   float min_depth;       // mm
   float max_depth;       // mm
-  float sigma_factor;    // sigma = sigma_factor * depth^2 / -log(1 - confidence)
+  float sigma_factor;    // sigma = sigma_factor * depth^2 / -log(1 - own confidence)
 };
 
 // What a rig that moved adds, in squares, to one row of sigma: depth^4 times `constant` + per_square * u^2 +
@@ -138,6 +139,18 @@ struct CorrelationRow {
   float right_noise;
   float* correlation;  // of what is no noise, -1..1; not a number where nothing can be compared
   float* support;      // share of the network's confidence that the pictures leave, 0..1
+  float* certainty;    // by which its doubt is raised, as a power: above 1 where the disparity is even, below it at edges
+};
+
+// What the pictures make of the network's confidence in one row of its grid.
+struct TrustRow {
+  const float* confidence;  // of an error up to one pixel of the network
+  const float* support;     // as above, at the places of the confidence
+  const float* certainty;
+  int count;
+  float reach;  // pixels of the network
+  float* seen;  // of an error up to `reach` of them
+  float* own;   // of one up to one of them, and without the certainty
 };
 
 // Cells along a side of the tiles whose roughness tells texture.
@@ -250,8 +263,6 @@ struct FitSums {
   /* How much a cell's disparity is worth, see sharpness.hpp, and that times the disparity. */                         \
   KERNEL(void, trust_cells, (const float* disparity, const float* confidence, int count, float* trust,                 \
                              float* trusted))                                                                          \
-  /* The probability of an error up to `reach` pixels of each cell, of that up to one, see sharpness.hpp. */           \
-  KERNEL(void, confidence_row, (const float* confidence, int count, float reach, float* out))                          \
   /* What the structs above say. */                                                                                    \
   KERNEL(void, joint_bilateral_row, (const JointBilateralRow& row))                                                    \
   KERNEL(void, brightness_row, (const BrightnessRow& row))                                                             \
@@ -260,6 +271,7 @@ struct FitSums {
   KERNEL(void, tile_row, (const TileRow& row))                                                                         \
   KERNEL(void, match_row, (const MatchRow& row))                                                                       \
   KERNEL(void, correlation_row, (const CorrelationRow& row))                                                           \
+  KERNEL(void, trust_row, (const TrustRow& row))                                                                       \
   /* Adds values, their squares and how many there are, each to its own column; what is no number is left out. */      \
   KERNEL(void, add_known, (const float* values, int count, float* sums, float* squares, float* known))                 \
   KERNEL(void, patch_products, (const PatchProducts& row))                                                            \

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "kernels/kernels.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -11,35 +12,45 @@ constexpr int rows_per_block = 16;
 
 }  // namespace
 
-FloatView PhotometricConsistency::supported(const FloatView& confidence, const MatchedViews& views, Scale grid) {
-  const bool too_small = views.size().width == 0;  // to be judged
-  const bool agree = views.textured_share() >= least_texture && views.most_correlation() >= least_correlation;
-  const size_t count = static_cast<size_t>(confidence.width) * static_cast<size_t>(confidence.height);
+void PhotometricConsistency::judge(const FloatView& confidence, double reach, const MatchedViews* views, Scale grid) {
+  size_ = {confidence.width, confidence.height};
+  const auto width = static_cast<size_t>(confidence.width);
+  const size_t count = width * static_cast<size_t>(confidence.height);
+  const int workers = thread_count();
   // All memory before any way out, so that the first frame takes what later ones need.
-  confidence_.resize(count);
-  cell_of_column_.resize(static_cast<size_t>(confidence.width));
-  const FloatView result = {confidence_.data(), confidence.width, confidence.height};
-  if (!too_small && !agree) {
-    std::fill(confidence_.begin(), confidence_.end(), 0.0f);
-    return result;
+  seen_.resize(count);
+  own_.resize(count);
+  cell_of_column_.resize(width);
+  scratch_.resize(2 * width * static_cast<size_t>(workers));
+  const bool compared = views != nullptr && views->size().width > 0;  // a view may be too small
+  if (compared && (views->textured_share() < least_texture || views->most_correlation() < least_correlation)) {
+    std::fill(seen_.begin(), seen_.end(), 0.0f);
+    std::fill(own_.begin(), own_.end(), 0.0f);
+    return;
   }
-  if (too_small) return confidence;
-  const Size cells = views.size();
   const auto cell_of = [&](int place, double per_pixel, int most) {
-    return std::min(static_cast<int>((place + 0.5) / per_pixel) / (2 * views.unit()), most - 1);
+    return std::min(static_cast<int>((place + 0.5) / per_pixel) / (2 * views->unit()), most - 1);
   };
-  for (int x = 0; x < confidence.width; ++x) cell_of_column_[static_cast<size_t>(x)] = cell_of(x, grid.x, cells.width);
-  const auto write_rows = [&](int begin, int end, int) {
+  for (int x = 0; compared && x < size_.width; ++x) cell_of_column_[static_cast<size_t>(x)] = cell_of(x, grid.x, views->size().width);
+  std::fill(scratch_.begin(), scratch_.end(), 1.0f);
+  const auto write_rows = [&](int begin, int end, int worker) {
+    float* const support = scratch_.data() + 2 * width * static_cast<size_t>(worker);
+    float* const certainty = support + width;
     for (int y = begin; y < end; ++y) {
-      const float* const support = views.support(cell_of(y, grid.y, cells.height));
-      const ptrdiff_t first = static_cast<ptrdiff_t>(y) * confidence.width;
-      for (int x = 0; x < confidence.width; ++x) {
-        confidence_[static_cast<size_t>(first + x)] = confidence.data[first + x] * support[cell_of_column_[static_cast<size_t>(x)]];
+      const ptrdiff_t first = static_cast<ptrdiff_t>(y) * size_.width;
+      if (compared) {
+        const int row = cell_of(y, grid.y, views->size().height);
+        const float* const supports = views->support(row);
+        const float* const certainties = views->certainty(row);
+        for (size_t x = 0; x < width; ++x) {
+          support[x] = supports[cell_of_column_[x]];
+          certainty[x] = certainties[cell_of_column_[x]];
+        }
       }
+      kernels().trust_row({confidence.data + first, support, certainty, size_.width, static_cast<float>(reach), seen_.data() + first, own_.data() + first});
     }
   };
-  parallel_for(confidence.height, rows_per_block, write_rows);
-  return result;
+  parallel_for(size_.height, rows_per_block, write_rows, workers);
 }
 
 }  // namespace endosdk

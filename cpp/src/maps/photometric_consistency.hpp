@@ -21,16 +21,29 @@ constexpr double least_correlation = 0.25;
 // Share of the picture with texture beyond its noise, below which nothing can be said of a pair.
 constexpr double least_texture = 0.02;
 
+// The unit of the confidence that users see, as a part of the frame's width. A network's own confidence is of one of its pixels. Of
+// those, networks have 320 to 960 across the same frame, so the same number would promise errors of 1 to 3 pixels of a
+// frame, and no `min_confidence` would suit all.
+constexpr double confidence_parts = 480.0;
+
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class PhotometricConsistency {
  public:
-  // The network's confidence times the share that the pictures leave of it; 0 everywhere when the views do not belong
-  // together. `grid` counts cells per pixel of the views. The view that is returned is good until the next call.
-  FloatView supported(const FloatView& confidence, const MatchedViews& views, Scale grid);
+  // Judges the network's confidence by the views, if there are any. `grid` counts its cells per pixel of the views, `reach` the
+  // pixels of the network in the unit of the confidence that users see.
+  void judge(const FloatView& confidence, double reach, const MatchedViews* views, Scale grid);
+
+  // Good until the next call, 0 everywhere when the views do not belong together. That of errors up to `reach`, for users; and the
+  // network's own with what the pictures leave of it, for the expected error.
+  FloatView seen() const { return {seen_.data(), size_.width, size_.height}; }
+  FloatView own() const { return {own_.data(), size_.width, size_.height}; }
 
  private:
+  Size size_;
   std::vector<int32_t> cell_of_column_;
-  std::vector<float> confidence_;
+  std::vector<float> seen_;
+  std::vector<float> own_;
+  std::vector<float> scratch_;  // per worker: support and certainty of a row
 };
 
 }  // namespace endosdk

@@ -78,9 +78,9 @@ DepthLimits limits_of(const PostprocessInput& in) {
     limits.doffs = static_cast<float>(g.doffs - in.right_shift);
     limits.min_depth = static_cast<float>(g.min_depth_mm);
     limits.max_depth = static_cast<float>(g.max_depth_mm);
-    // Scale of the Laplace law, gain * reach / -log(1 - confidence) in frame pixels, which is its mean error. Its standard deviation
+    // Scale of the Laplace law, gain / -log(1 - own confidence) in frame pixels, which is its mean error. Its standard deviation
     // would be sqrt(2) times that: too much for real errors, which the law's tails overstate.
-    limits.sigma_factor = static_cast<float>(static_cast<double>(in.gain) * in.reach / (g.focal_px * g.baseline_mm));
+    limits.sigma_factor = static_cast<float>(static_cast<double>(in.gain) / (g.focal_px * g.baseline_mm));
   }
   return limits;
 }
@@ -121,21 +121,26 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   disparities.prepare(disparity.width, disparity.height, width, disparity_scale);
   confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
   const int workers = disparities.workers();
+  RowResizer& owns = scratch.own;
+  if (maps.sigma != nullptr) {
+    owns.prepare(input.confidence.width, input.confidence.height, width, input.scale);
+    scratch.own_row.resize(static_cast<size_t>(workers) * static_cast<size_t>(width));
+  }
   GlareRows& views = scratch.glare;
   if (has_view) views.prepare(input.left, width, input.view_scale, workers);
-  FloatView confidence = scratch.relative.of(input.confidence, input.reach);
   const auto started = std::chrono::steady_clock::now();
-  if (input.right.data != nullptr) {
-    const Scale cells = {input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x};
+  const bool has_right = input.right.data != nullptr;
+  const Scale cells = has_right ? Scale{input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x} : Scale{};
+  if (has_right) {
     scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells, input.fields);
     scratch.measures.measure(scratch.views, picture_of(input).width);
     if (input.pattern.focal_x > 0.0) {
-      scratch.rows.measure(scratch.views, confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);
+      scratch.rows.measure(scratch.views, input.confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);
     }
-    confidence = scratch.consistency.supported(confidence, scratch.views, cells);
   }
+  scratch.consistency.judge(input.confidence, input.reach, has_right ? &scratch.views : nullptr, cells);
   FieldRows& fields = scratch.fields;
-  const bool has_fields = input.right.data != nullptr && scratch.views.size().width > 0;
+  const bool has_fields = has_right && scratch.views.size().width > 0;
   if (has_fields) {
     const double cell = 2.0 * scratch.views.unit();
     fields.prepare(scratch.views.field(0), scratch.views.field(1), width, {input.view_scale.y / cell, input.view_scale.x / cell}, workers);
@@ -157,7 +162,12 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
       }
       float* const disparity_row = maps.disparity + static_cast<int64_t>(y) * width;
       disparities.row(disparity, y, input.gain, worker, disparity_row);
-      confidences.row(confidence, y, 1.0f, worker, maps.confidence + static_cast<int64_t>(y) * width);
+      confidences.row(scratch.consistency.seen(), y, 1.0f, worker, maps.confidence + static_cast<int64_t>(y) * width);
+      if (row.sigma != nullptr) {
+        float* const own = scratch.own_row.data() + static_cast<ptrdiff_t>(worker) * width;
+        owns.row(scratch.consistency.own(), y, 1.0f, worker, own);
+        row.own_confidence = own;
+      }
       count += kernels().depth_row(row, limits);
       if (row.sigma != nullptr) rig_sigma.add(row.depth, y, width, row.sigma);
       if (shift != 0.0f) {

@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "maps/photometric_consistency.hpp"
-#include "maps/relative_confidence.hpp"
 #include "maps/field_rows.hpp"
 #include "maps/glare_rows.hpp"
 #include "maps/joint_bilateral.hpp"
@@ -55,11 +54,12 @@ struct PostprocessInput {
 struct PostprocessScratch {
   RowResizer disparity;
   RowResizer confidence;
+  RowResizer own;
+  std::vector<float> own_row;  // per worker
   JointBilateralUpsampling upsampling;
   GlareRows glare;
   FieldRows fields;
   MatchedViews views;
-  RelativeConfidence relative;
   PhotometricConsistency consistency;
   RowDisparity rows;
   ViewMeasures measures;
@@ -71,7 +71,7 @@ struct PostprocessScratch {
 // Returns the number of pixels with no reason against them. Disparities that come out are those of the views before the
 // right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the scale of a Laplace law whose probability of an error up to
-// `reach` network pixels is the confidence that comes out. To it comes what a rig that moved does to the disparity. Both are NaN where a
+// one network pixel is the network's own confidence, with what the pictures leave of it. To it comes what a rig that moved does to the disparity. Both are NaN where a
 // pixel has a reason; both need a geometry and may be null.
 // The 16-bit maps are written by write_u16().
 int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch);
