@@ -189,7 +189,7 @@ void correlation(Output& out) {
   std::vector<float> disparity = floats(cells + 2, 0.0f, 60.0f);
   disparity[7] = std::nanf("");
   std::vector<float> scratch(static_cast<size_t>(correlation_sums * (cells + 2 * correlation_reach)));
-  std::vector<float> sums(static_cast<size_t>(correlation_sums * cells)), agrees(cells), support(cells);
+  std::vector<float> sums(static_cast<size_t>(correlation_sums * cells)), agrees(cells), support(cells), certainty(cells), seen(cells), own(cells);
   const MatchRow match = {left.data(), right.data(), width, disparity.data() + 1, cells, scratch.data(), sums.data()};
   const std::vector<float> beyond(sums.size());
   CorrelationRow row = {};
@@ -201,11 +201,14 @@ void correlation(Output& out) {
   row.right_noise = 2.0f;
   row.correlation = agrees.data();
   row.support = support.data();
+  row.certainty = certainty.data();
+  const std::vector<float> confidence = floats(cells, -0.1f, 1.1f);
   compute([&] {
     kernels().match_row(match);
     kernels().correlation_row(row);
+    kernels().trust_row({confidence.data(), support.data(), certainty.data(), cells, 1.5f, seen.data(), own.data()});
   });
-  for (const auto* values : {&sums, &agrees, &support}) out.add(*values);
+  for (const auto* values : {&sums, &agrees, &support, &certainty, &seen, &own}) out.add(*values);
 }
 
 void texture(Output& out) {
@@ -290,9 +293,9 @@ void depth(Output& out) {
     if (metric) valid_right[100] = 0;
     std::vector<float> z(width), sigma(width);
     const DepthLimits limits = {0.5f, 0.5f, 80.0f, metric, 2400.0f, 1.5f, 20.0f, 400.0f, 0.002f};
-    const DepthRow row = {disparity.data(),   confidence.data(),  brightness.data(), inside_left.data(),
-                          valid_left.data(),  valid_right.data(), reasons.data(),    z.data(),
-                          sigma.data(),       width};
+    const std::vector<float> own = floats(width, 0.0f, 1.0f);
+    const DepthRow row = {disparity.data(),  confidence.data(),  own.data(),     brightness.data(), inside_left.data(),
+                          valid_left.data(), valid_right.data(), reasons.data(), z.data(),          sigma.data(), width};
     int valid = 0;
     compute([&] { valid = kernels().depth_row(row, limits); });
     out.add(reasons);
