@@ -189,7 +189,7 @@ void correlation(Output& out) {
   std::vector<float> disparity = floats(cells + 2, 0.0f, 60.0f);
   disparity[7] = std::nanf("");
   std::vector<float> scratch(static_cast<size_t>(correlation_sums * (cells + 2 * correlation_reach)));
-  std::vector<float> sums(static_cast<size_t>(correlation_sums * cells)), agrees(cells), support(cells), certainty(cells), seen(cells), own(cells);
+  std::vector<float> sums(static_cast<size_t>(correlation_sums * cells)), agrees(cells), support(cells), odds(cells), seen(cells), own(cells);
   const MatchRow match = {left.data(), right.data(), width, disparity.data() + 1, cells, scratch.data(), sums.data()};
   const std::vector<float> beyond(sums.size());
   CorrelationRow row = {};
@@ -201,14 +201,14 @@ void correlation(Output& out) {
   row.right_noise = 2.0f;
   row.correlation = agrees.data();
   row.support = support.data();
-  row.certainty = certainty.data();
+  row.odds = odds.data();
   const std::vector<float> confidence = floats(cells, -0.1f, 1.1f);
   compute([&] {
     kernels().match_row(match);
     kernels().correlation_row(row);
-    kernels().trust_row({confidence.data(), support.data(), certainty.data(), cells, 1.5f, seen.data(), own.data()});
+    kernels().trust_row({confidence.data(), support.data(), odds.data(), cells, 1.5f, seen.data(), own.data()});
   });
-  for (const auto* values : {&sums, &agrees, &support, &certainty, &seen, &own}) out.add(*values);
+  for (const auto* values : {&sums, &agrees, &support, &odds, &seen, &own}) out.add(*values);
 }
 
 void texture(Output& out) {

@@ -161,7 +161,7 @@ def test_exposure_and_colour_of_a_camera_do_not_matter():
     views = padded(left, 8), padded(right, 8)
     disparity = np.full((views[0].shape[1] // 4, views[0].shape[2] // 4), 9, np.float32)
     seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
-    assert np.mean(seen == 1) > 0.95
+    assert np.mean(seen > 0.9999) > 0.95
 
 
 def spoilt(view: np.ndarray, levels: float, seed: int) -> np.ndarray:

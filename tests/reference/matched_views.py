@@ -6,7 +6,6 @@ import numpy as np
 
 from endosdk import _core
 from endosdk._core import Cause
-from tests.reference.postprocess import confidence_within
 from tests.reference.view_measures import brightness, cell_levels, deep_inside, noise, seen_cells
 
 LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
@@ -18,7 +17,7 @@ def correlation_of_views(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Correlation of two views at the disparity found, what that and its edges leave, pixels per column.
 
-    What is left is a share of the confidence, and a power to which the doubt is raised.
+    What is left is a share of the confidence, and a factor of its odds.
 
     The correlation is NaN where nothing can be compared.
 
@@ -47,7 +46,7 @@ def correlation_of_views(
         first = np.where(deep[1].any(axis=1), deep[1].argmax(axis=1), cells)
         last = cells - 1 - deep[1][:, ::-1].argmax(axis=1)
         found[~((place >= first[:, None]) & (place <= last[:, None]))] = np.nan
-    correlation, share, certainty = np.full((rows, cells), np.nan), np.ones((rows, cells)), np.ones((rows, cells))
+    correlation, share, odds = np.full((rows, cells), np.nan), np.ones((rows, cells)), np.ones((rows, cells))
     match = 2 * np.arange(cells, dtype=np.float32) - found
     inside = (match >= 0) & (match <= here.shape[1] - 1)
     column = np.minimum(np.where(inside, match, 0).astype(int), here.shape[1] - 2)
@@ -75,19 +74,19 @@ def correlation_of_views(
         around = found[max(0, row - 1) : row + 2, max(0, cell - 1) : cell + 2]
         if np.isinf(found[row, cell]):
             share[row, cell] = 0
-            certainty[row, cell] = 0.75
+            odds[row, cell] = 0.55
         elif not np.isnan(found[row, cell]):
             spread = np.nanmax(around) - np.nanmin(around)
             share[row, cell] *= np.clip((4.5 - spread) / 3, 0, 1)
-            certainty[row, cell] = np.clip(3 - 1.5 * spread, 0.75, 3)
-    return correlation, share, certainty, unit
+            odds[row, cell] = np.clip(4.7 - 2.8 * spread, 0.55, 4.7)
+    return correlation, share, odds, unit
 
 
 def supported_confidence(
     disparity: np.ndarray, confidence: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
 ) -> tuple[np.ndarray, bool]:
     """Confidence times the share that the pictures leave of it, and whether the views belong together."""
-    correlation, share, certainty, unit = correlation_of_views(disparity, left, right, height, width)
+    correlation, share, odds, unit = correlation_of_views(disparity, left, right, height, width)
     textured = np.isfinite(correlation)
     if share.size == 0:
         return confidence, True
@@ -102,7 +101,8 @@ def supported_confidence(
     y, x = np.indices(confidence.shape) + 0.5
     rows = np.minimum((y * left.shape[1] / confidence.shape[0]).astype(int) // (2 * unit), share.shape[0] - 1)
     cells = np.minimum((x * left.shape[2] / confidence.shape[1]).astype(int) // (2 * unit), share.shape[1] - 1)
-    return share[rows, cells] * confidence_within(confidence, certainty[rows, cells]), True
+    factor = odds[rows, cells]
+    return share[rows, cells] * factor * confidence / (1 + (factor - 1) * confidence), True
 
 
 def coarse_match(left: np.ndarray, right: np.ndarray, picture: tuple[int, int]) -> tuple[float, float]:

@@ -20,12 +20,12 @@ constexpr float supported = 0.4f;
 constexpr float smooth = 1.5f;
 constexpr float edge = 3.0f * smooth;
 
-// The power to which the doubt is raised, by the same change of the disparity. A network is off by much at edges. On an even
-// surface it is right far more often than the mean of its errors tells: of rendered and of real pixels there whose
+// By which the odds of an answer are multiplied, by the same change of the disparity. A network is off by much at edges. On an
+// even surface it is right far more often than the mean of its errors tells: of rendered and of real pixels there whose
 // confidence is 0.4, 60 to 99 % are.
-constexpr float even_certainty = 3.0f;
-constexpr float certainty_per_column = 1.5f;
-constexpr float least_certainty = 0.75f;
+constexpr float even_odds = 4.7f;
+constexpr float odds_per_column = 2.8f;
+constexpr float least_odds = 0.55f;
 
 constexpr float least_variance = 0.3f;  // grey levels squared, beyond the noise: less tells nothing
 constexpr float least_weight = 0.25f * static_cast<float>(correlation_weights);  // of the cells of a window with a match
@@ -125,7 +125,7 @@ void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, f
 }
 
 // Takes from the support what an edge of the disparity takes: rows above, of and below the cells, from one before them.
-void take_edges(const float* const (&around)[3], int count, float* __restrict support, float* __restrict certainty) {
+void take_edges(const float* const (&around)[3], int count, float* __restrict support, float* __restrict odds) {
   for (int i = 0; i < count; ++i) {
     const float centre = around[1][i + 1];
     float nearest = centre;
@@ -139,9 +139,9 @@ void take_edges(const float* const (&around)[3], int count, float* __restrict su
     }
     const float spread = nearest - farthest;
     const float whole = clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
-    const float sure = clamped(even_certainty - certainty_per_column * spread, least_certainty, even_certainty);
+    const float sure = clamped(even_odds - odds_per_column * spread, least_odds, even_odds);
     support[i] *= centre == centre ? whole : 1.0f;  // what is not compared has no edge
-    certainty[i] = centre == centre ? sure : 1.0f;
+    odds[i] = centre == centre ? sure : 1.0f;
   }
 }
 
@@ -193,7 +193,7 @@ void correlation_row(const CorrelationRow& row) {
     for (int p = 0; p < correlation_sums; ++p) sum_down(row.sums, static_cast<ptrdiff_t>(p) * row.cells + first, count, sums[p]);
     correlate(sums, row.left_noise, row.right_noise, count, row.correlation + first, row.support + first);
     const float* const around[] = {row.disparity[0] + first, row.disparity[1] + first, row.disparity[2] + first};
-    take_edges(around, count, row.support + first, row.certainty + first);
+    take_edges(around, count, row.support + first, row.odds + first);
   }
 }
 
@@ -202,7 +202,9 @@ void trust_row(const TrustRow& row) {
   float* __restrict const seen = row.seen;
   float* __restrict const own = row.own;
   for (int i = 0; i < row.count; ++i) {
-    seen[i] = row.support[i] * confidence_within(confidence[i], row.reach * row.certainty[i]);
+    const float within = confidence_within(confidence[i], row.reach);
+    const float odds = row.odds[i];
+    seen[i] = row.support[i] * (odds * within / (1.0f + (odds - 1.0f) * within));
     own[i] = row.support[i] * confidence[i];
   }
 }

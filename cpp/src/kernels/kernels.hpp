@@ -139,18 +139,18 @@ struct CorrelationRow {
   float right_noise;
   float* correlation;  // of what is no noise, -1..1; not a number where nothing can be compared
   float* support;      // share of the network's confidence that the pictures leave, 0..1
-  float* certainty;    // by which its doubt is raised, as a power: above 1 where the disparity is even, below it at edges
+  float* odds;         // by which the odds of an answer are multiplied: above 1 where the disparity is even, below at edges
 };
 
 // What the pictures make of the network's confidence in one row of its grid.
 struct TrustRow {
   const float* confidence;  // of an error up to one pixel of the network
   const float* support;     // as above, at the places of the confidence
-  const float* certainty;
+  const float* odds;
   int count;
   float reach;  // pixels of the network
   float* seen;  // of an error up to `reach` of them
-  float* own;   // of one up to one of them, and without the certainty
+  float* own;   // of one up to one of them, and without the odds
 };
 
 // Cells along a side of the tiles whose roughness tells texture.

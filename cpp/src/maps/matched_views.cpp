@@ -76,7 +76,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   for (auto& plane : levels_) plane.resize(cells);
   correlation_.resize(cells);
   support_.resize(cells);
-  certainty_.resize(cells);
+  odds_.resize(cells);
   sums_.resize(correlation_sums * (cells + static_cast<size_t>(cells_.width)));
   if (cells == 0) {
     left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
@@ -136,7 +136,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
       row.right_noise = right_variance;
       row.correlation = correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
       row.support = support_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
-      row.certainty = certainty_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
+      row.odds = odds_.data() + static_cast<ptrdiff_t>(y) * cells_.width;
       kernels().correlation_row(row);
     }
   };

@@ -57,11 +57,11 @@ class MatchedViews {
 
   // Per cell: disparity in columns, not a number where it is not compared: outside a field of view, at its edge, or matched with
   // what lies there; correlation of the views around it, not a number where there is nothing to compare; the share of the
-  // network's confidence that is left; and the power to which its doubt is raised.
+  // network's confidence that is left; and the factor of its odds.
   const float* disparity(int y) const { return disparity_.data() + static_cast<ptrdiff_t>(y + 1) * (cells_.width + 2) + 1; }
   const float* correlation(int y) const { return correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
   const float* support(int y) const { return support_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
-  const float* certainty(int y) const { return certainty_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
+  const float* odds(int y) const { return odds_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
 
   // Rows of brightness, 2 * size().width values each.
   const float* left(int y) const { return brightness_[0].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
@@ -94,7 +94,7 @@ class MatchedViews {
   std::vector<float> sums_;
   std::vector<float> correlation_;
   std::vector<float> support_;
-  std::vector<float> certainty_;
+  std::vector<float> odds_;
   std::vector<int32_t> columns_of_grid_;  // of the disparity, for each cell
   std::vector<float> scratch_;  // per worker
 };

@@ -35,19 +35,20 @@ void PhotometricConsistency::judge(const FloatView& confidence, double reach, co
   std::fill(scratch_.begin(), scratch_.end(), 1.0f);
   const auto write_rows = [&](int begin, int end, int worker) {
     float* const support = scratch_.data() + 2 * width * static_cast<size_t>(worker);
-    float* const certainty = support + width;
+    float* const odds = support + width;
     for (int y = begin; y < end; ++y) {
       const ptrdiff_t first = static_cast<ptrdiff_t>(y) * size_.width;
       if (compared) {
         const int row = cell_of(y, grid.y, views->size().height);
         const float* const supports = views->support(row);
-        const float* const certainties = views->certainty(row);
+        const float* const factors = views->odds(row);
         for (size_t x = 0; x < width; ++x) {
           support[x] = supports[cell_of_column_[x]];
-          certainty[x] = certainties[cell_of_column_[x]];
+          odds[x] = factors[cell_of_column_[x]];
         }
       }
-      kernels().trust_row({confidence.data + first, support, certainty, size_.width, static_cast<float>(reach), seen_.data() + first, own_.data() + first});
+      kernels().trust_row({confidence.data + first, support, odds, size_.width, static_cast<float>(reach),
+                           seen_.data() + first, own_.data() + first});
     }
   };
   parallel_for(size_.height, rows_per_block, write_rows, workers);

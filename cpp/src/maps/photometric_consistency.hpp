@@ -43,7 +43,7 @@ class PhotometricConsistency {
   std::vector<int32_t> cell_of_column_;
   std::vector<float> seen_;
   std::vector<float> own_;
-  std::vector<float> scratch_;  // per worker: support and certainty of a row
+  std::vector<float> scratch_;  // per worker: support and odds of a row
 };
 
 }  // namespace endosdk

@@ -121,9 +121,9 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   disparities.prepare(disparity.width, disparity.height, width, disparity_scale);
   confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
   const int workers = disparities.workers();
-  RowResizer& owns = scratch.own;
+  RowResizer& own_confidences = scratch.own;
   if (maps.sigma != nullptr) {
-    owns.prepare(input.confidence.width, input.confidence.height, width, input.scale);
+    own_confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
     scratch.own_row.resize(static_cast<size_t>(workers) * static_cast<size_t>(width));
   }
   GlareRows& views = scratch.glare;
@@ -147,7 +147,7 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   }
   scratch.trust_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
   const DepthLimits limits = limits_of(input);
-  const RigSigma rig_sigma(input.right.data != nullptr ? scratch.rows.latest() : PoseError(), input.pattern,
+  const RigSigma rig_sigma(has_right ? scratch.rows.latest() : PoseError(), input.pattern,
                            static_cast<double>(limits.focal_baseline));
   const float shift = static_cast<float>(input.right_shift);
   std::atomic<int> usable{0};
@@ -165,7 +165,7 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
       confidences.row(scratch.consistency.seen(), y, 1.0f, worker, maps.confidence + static_cast<int64_t>(y) * width);
       if (row.sigma != nullptr) {
         float* const own = scratch.own_row.data() + static_cast<ptrdiff_t>(worker) * width;
-        owns.row(scratch.consistency.own(), y, 1.0f, worker, own);
+        own_confidences.row(scratch.consistency.own(), y, 1.0f, worker, own);
         row.own_confidence = own;
       }
       count += kernels().depth_row(row, limits);
