@@ -83,7 +83,7 @@ constexpr CauseFact cause_facts[] = {
      "the frame took longer than its deadline", "choose a smaller network size or more threads"},
     {Cause::views_differ, "VIEWS_DIFFER", "mean correlation of the views where they were matched, at the most", Bad::low, least_correlation, least_correlation,
      "the two views do not show the same", "check wiring, synchronisation and calibration"},
-    {Cause::few_valid, "FEW_VALID", "share of the field of view that is valid", Bad::low, 0.5, 0.05,
+    {Cause::few_valid, "FEW_VALID", "share of the field of view that is valid", Bad::low, 0.5, 0.15,
      "few pixels have an answer", "look at the reasons of the pixels"},
     {Cause::stale, "STALE", "age of the pair when its answer was handed out, as a share of the greatest age", Bad::high, 1.0, never,
      "the pair was taken too long ago", "show it no longer, and drop waiting frames"},
