@@ -145,6 +145,17 @@ void take_edges(const float* const (&around)[3], int count, float* __restrict su
   }
 }
 
+template <bool one_pixel>
+void trust_cells_within(const TrustRow& row, float* __restrict seen, float* __restrict own) {
+  for (int i = 0; i < row.count; ++i) {
+    const float confidence = row.confidence[i];
+    const float within = one_pixel ? confidence : confidence_within(confidence, row.reach);
+    const float odds = row.odds[i];
+    seen[i] = row.support[i] * (odds * within / (1.0f + (odds - 1.0f) * within));
+    own[i] = row.support[i] * confidence;
+  }
+}
+
 void add_patch_row(const float* patch, const float* view, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) {
     float sum = out[i];
@@ -198,15 +209,8 @@ void correlation_row(const CorrelationRow& row) {
 }
 
 void trust_row(const TrustRow& row) {
-  const float* const confidence = row.confidence;
-  float* __restrict const seen = row.seen;
-  float* __restrict const own = row.own;
-  for (int i = 0; i < row.count; ++i) {
-    const float within = confidence_within(confidence[i], row.reach);
-    const float odds = row.odds[i];
-    seen[i] = row.support[i] * (odds * within / (1.0f + (odds - 1.0f) * within));
-    own[i] = row.support[i] * confidence[i];
-  }
+  // The usual model needs no logarithms: they take as long as all the rest.
+  row.reach == 1.0f ? trust_cells_within<true>(row, row.seen, row.own) : trust_cells_within<false>(row, row.seen, row.own);
 }
 
 void add_known(const float* values, int count, float* __restrict sums, float* __restrict squares, float* __restrict known) {
