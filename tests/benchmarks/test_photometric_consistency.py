@@ -17,6 +17,6 @@ def test_right_pairs_keep_their_answers_and_wrong_ones_lose_them():
 
 
 def test_one_camera_connected_twice_to_a_raw_rig_has_no_answer():
-    left, _ = shifted_pair(240, 320, 9)
-    found = Answerer(str(TINY_MODEL))(left, left, raw_rig().scaled(320, 240)).shares()
+    left, _ = shifted_pair(480, 640, 9)
+    found = Answerer(str(TINY_MODEL))(left, left, raw_rig().scaled(640, 480)).shares()
     assert found["valid_with"] == 0 < found["valid_without"]

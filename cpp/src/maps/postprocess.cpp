@@ -121,11 +121,10 @@ int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessS
   disparities.prepare(disparity.width, disparity.height, width, disparity_scale);
   confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
   const int workers = disparities.workers();
+  // Whether this frame has a sigma or not: a later one takes no memory for it.
   RowResizer& own_confidences = scratch.own;
-  if (maps.sigma != nullptr) {
-    own_confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
-    scratch.own_row.resize(static_cast<size_t>(workers) * static_cast<size_t>(width));
-  }
+  own_confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
+  scratch.own_row.resize(static_cast<size_t>(workers) * static_cast<size_t>(width));
   GlareRows& views = scratch.glare;
   if (has_view) views.prepare(input.left, width, input.view_scale, workers);
   const auto started = std::chrono::steady_clock::now();

@@ -113,7 +113,7 @@ class Recorder:
         try:
             for writer in writers.values():
                 writer.close()
-            (self._folder / LINES).write_text("\n".join(self._lines) + "\n")
+            write_text(self._folder / LINES, "\n".join(self._lines) + "\n", "out")
         except BaseException as error:
             self._abandon(error)
             raise
