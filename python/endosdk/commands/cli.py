@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from endosdk import __version__
+from endosdk.commands.interrupts import interrupts_heard
 from endosdk.commands.options import Parser
 from endosdk.errors import DependencyMissing, EndoError
 
@@ -47,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         verbs = [word for word in words if not word.startswith("-")][:1]
     options = build_parser(verbs).parse_args(words)
     try:
-        status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
+        with interrupts_heard():
+            status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
         sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
         return status
     except EndoError as error:

@@ -1,0 +1,36 @@
+"""Ctrl-C stops the program even where Python would only report it and go on."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import pytest
+
+from endosdk.commands.interrupts import interrupts_heard
+
+
+class InterruptedWhileItEnds:
+    def __init__(self, error: type[BaseException]) -> None:
+        self.error = error
+
+    def __del__(self) -> None:
+        raise self.error
+
+
+def test_an_interrupt_in_a_finaliser_is_raised_again() -> None:
+    before = sys.unraisablehook
+    with pytest.raises(KeyboardInterrupt), interrupts_heard():
+        InterruptedWhileItEnds(KeyboardInterrupt)
+        for _ in range(1000):
+            time.sleep(0.01)
+    assert sys.unraisablehook is before
+
+
+def test_any_other_error_in_a_finaliser_is_reported_as_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[type[BaseException]] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda ignored: seen.append(ignored.exc_type))
+    with interrupts_heard():
+        InterruptedWhileItEnds(ZeroDivisionError)
+        time.sleep(0.2)
+    assert seen == [ZeroDivisionError]
