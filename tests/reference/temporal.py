@@ -5,6 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 PATCH, STEP, ITERATIONS, RIDGE = 8, 4, 4, 64.0
+# Patches whose motion a pixel may take, in this order: the nearest, those around it, and the next along each axis.
+NEARBY = [
+    (0, 0),
+    (-1, 0),
+    (1, 0),
+    (0, -1),
+    (0, 1),
+    (-1, -1),
+    (1, 1),
+    (1, -1),
+    (-1, 1),
+    (-2, 0),
+    (2, 0),
+    (0, -2),
+    (0, 2),
+]
 Array = np.ndarray
 
 
@@ -96,7 +112,7 @@ class TemporalFilter:
         """Disparity [h, w] drawn towards that of the frame before."""
         levels, unit = pyramid(view, picture)
         out = disparity.astype(float)
-        error = np.clip(-1 / np.log(1 - np.clip(confidence.astype(float), 0.01, 0.99)), 0.4, 6)
+        error = np.clip(-1 / np.log(1 - np.clip(confidence.astype(float), 0.01, 0.99)), 0.8, 6)
         variance = error**2
         if self.former is not None:
             before, former, former_variance = self.former
@@ -111,11 +127,11 @@ class TemporalFilter:
             from_x, from_y = columns + shift_x / per_cell, rows + shift_y / per_cell
             moved, moved_variance = sample(former, from_x, from_y), sample(former_variance, from_x, from_y)
             change = shared_change(moved, out - moved, gate, error)
-            moved = moved + np.sign(change) * np.maximum(0, np.abs(change) - 0.1 * error)
+            moved = moved + np.sign(change) * np.maximum(0, np.abs(change) - 0.05 * error)
             moved = moved + change_nearby(out - moved, gate, error)
             uncertain = moved_variance + 0.02 * variance
             reach = np.sqrt(variance + uncertain)
-            trust = gate * ramp(np.abs(out - moved), 5 * reach, 10 * reach)
+            trust = gate * ramp(np.abs(out - moved), 8 * reach, 16 * reach)
             share = np.maximum(0.1, uncertain / (uncertain + variance))
             out = out - (1 - share) * trust * (out - moved)
             variance = variance * (1 - trust * (1 - share))
@@ -136,15 +152,18 @@ def compare(now: Array, before: Array, shifts: tuple[Array, Array]) -> tuple[Arr
     moved = sample(before, x + shift_x, y + shift_y)
     gain = now[there].sum() / max(moved[there].sum(), 1e-6)
     residual = neighbours(np.abs(now - gain * moved)).mean(axis=0)
-    noise = np.clip(np.sort(residual, axis=None)[residual.size // 2], 0.5, 4)
+    middle = np.sort(residual, axis=None)[residual.size // 2]
+    if middle > 8:  # another scene
+        return np.zeros((h, w)), shift_x, shift_y
+    noise = np.clip(middle, 0.5, 4)
     residual = np.where(there, residual, np.inf)
-    unlike = residual > 2 * noise
+    unlike = residual > 2.5 * noise
     patch_y, patch_x = (np.floor((place - (PATCH - 1) / 2) / STEP + 0.5).astype(int) for place in (y, x))
     around_y, around_x = (
         np.stack([np.clip(place + step, 0, size - 1) for step in steps])
         for place, size, steps in ((y, h, np.repeat([-1, 0, 1], 3)), (x, w, np.tile([-1, 0, 1], 3)))
     )
-    for along_x, along_y in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)):
+    for along_x, along_y in NEARBY:
         at = tuple(
             np.clip(part + along, 0, n - 1)
             for part, along, n in zip((patch_y, patch_x), (along_y, along_x), shifts[0].shape, strict=True)
@@ -155,7 +174,7 @@ def compare(now: Array, before: Array, shifts: tuple[Array, Array]) -> tuple[Arr
         better = unlike & inside((h, w), x + other_x, y + other_y) & (found < residual)
         residual = np.where(better, found, residual)
         shift_x, shift_y = np.where(better, other_x, shift_x), np.where(better, other_y, shift_y)
-    return ramp(residual, 2 * noise, 4 * noise), shift_x, shift_y
+    return ramp(residual, 2.5 * noise, 5 * noise), shift_x, shift_y
 
 
 def shared_change(moved: Array, difference: Array, gate: Array, error: Array) -> Array:
@@ -177,7 +196,7 @@ def shared_change(moved: Array, difference: Array, gate: Array, error: Array) ->
 def change_nearby(difference: Array, gate: Array, error: Array) -> Array:
     """The part of the change that blocks of 8 x 8 cells share with the blocks around them, as far as it is no noise."""
     h, w = difference.shape
-    weight = gate * ramp(np.abs(difference), 5 * error, 10 * error) / error
+    weight = gate * ramp(np.abs(difference), 8 * error, 16 * error) / error
     room = (0, -h % 8), (0, -w % 8)
     total, change, noise = (
         neighbours(np.pad(part, room).reshape((h + 7) // 8, 8, -1, 8).sum(axis=(1, 3))).sum(axis=0)

@@ -17,13 +17,14 @@ constexpr float least_share = 0.1f;  // of a frame's own disparity, so that a wr
 
 // Differences of the pictures, in units of their median, up to which a former disparity counts in full, and from which on it
 // does not count.
-constexpr float alike = 2.0f, unlike = 4.0f;
+constexpr float alike = 2.5f, unlike = 5.0f;
 constexpr float least_noise = 0.5f, most_noise = 4.0f;  // grey levels
+constexpr float cut = 8.0f;  // where half of the picture differs by more, it is another scene
 
 // The same for differences of disparity, in units of the error to be expected. They are wide: where the pictures agree, most of
 // what differs is an error of the network.
-constexpr float agreeing = 5.0f, disagreeing = 10.0f;
-constexpr float least_error = 0.4f, most_error = 6.0f;  // network pixels
+constexpr float agreeing = 8.0f, disagreeing = 16.0f;
+constexpr float least_error = 0.8f, most_error = 6.0f;  // network pixels
 
 // A difference that a neighbourhood of three by three blocks shares is a change, such as of a tool that comes nearer, as far as
 // it is above this share of the error to be expected, and above so many times what is usual in the frame. What is below is
@@ -31,7 +32,7 @@ constexpr float least_error = 0.4f, most_error = 6.0f;  // network pixels
 constexpr int block = 8;  // cells
 constexpr float shared_share = 0.2f;
 constexpr float unusual = 3.0f;
-constexpr float whole_share = 0.1f;  // the same of what the whole picture shares
+constexpr float whole_share = 0.05f;  // the same of what the whole picture shares
 constexpr float block_ridge = 4.0f;  // cells of an error of 1: blocks with few that agree change little
 
 // The change of disparity that camera and rig make together: a constant, and what moving along and turning about each axis
@@ -185,6 +186,10 @@ void TemporalFilter::compare_pictures() {
   residual_ = sorted_;
   const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
   std::nth_element(sorted_.begin(), middle, sorted_.end());
+  if (*middle > cut) {
+    std::fill(agreement_.begin(), agreement_.end(), 0.0f);
+    return;
+  }
   const float noise = std::clamp(*middle, least_noise, most_noise);
   const auto judge_rows = [&](int begin, int end, int) {
     for (int y = begin; y < end; ++y) {
@@ -205,7 +210,8 @@ float TemporalFilter::find_better(int x, int y, float gain, float residual) {
   const FloatView now = views_[now_].level(0).view();
   const FloatView before = views_[1 - now_].level(0).view();
   const Size size = {now.width, now.height};
-  constexpr std::array<std::array<int, 2>, 5> nearby = {{{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}}};
+  constexpr std::array<std::array<int, 2>, 13> nearby = {{{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, 1}, {1, -1}, {-1, 1},
+                                                          {-2, 0}, {2, 0}, {0, -2}, {0, 2}}};
   for (const auto& [along_x, along_y] : nearby) {
     const ImageMotion::Shift shift = motion_.of_patch(x, y, along_x, along_y);
     if (!is_inside(size, static_cast<float>(x) + shift.x, static_cast<float>(y) + shift.y)) continue;
