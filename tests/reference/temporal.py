@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 PATCH, STEP, ITERATIONS, RIDGE = 8, 4, 4, 64.0
@@ -22,6 +24,7 @@ NEARBY = [
     (0, 2),
 ]
 Array = np.ndarray
+Views = Sequence[Array]  # green and red
 
 
 def neighbours(values: Array) -> Array:
@@ -42,12 +45,16 @@ def sample(values: Array, x: Array, y: Array) -> Array:
     return upper * (1 - y + top) + lower * (y - top)
 
 
+def reduced(channel: Array, picture: tuple[int, int], unit: int) -> Array:
+    """Means of squares of ``unit`` pixels."""
+    h, w = picture[1] // unit, picture[0] // unit
+    return channel[: h * unit, : w * unit].reshape(h, unit, w, unit).astype(float).mean(axis=(1, 3))
+
+
 def pyramid(view: Array, picture: tuple[int, int]) -> tuple[list[Array], int]:
     """Green of uint8 [3, H, W] reduced to about 120 columns, halved twice while patches fit; and the reduction."""
-    width, height = picture
-    unit = max(1, int(width / 120 + 0.5))
-    h, w = height // unit, width // unit
-    levels = [view[1, : h * unit, : w * unit].reshape(h, unit, w, unit).astype(float).mean(axis=(1, 3))]
+    unit = max(1, int(picture[0] / 120 + 0.5))
+    levels = [reduced(view[1], picture, unit)]
     while len(levels) < 3 and min(levels[-1].shape) >= 4 * PATCH:
         h, w = levels[-1].shape[0] // 2, levels[-1].shape[1] // 2
         levels.append(levels[-1][: 2 * h, : 2 * w].reshape(h, 2, w, 2).mean(axis=(1, 3)))
@@ -104,20 +111,21 @@ def ramp(value: Array, full: Array | float, none: Array | float) -> Array:
 
 class TemporalFilter:
     def __init__(self) -> None:
-        self.former: tuple[list[Array], Array, Array] | None = None
+        self.former: tuple[list[Array], Array, Array, Array] | None = None
 
     def smooth(
         self, view: Array, picture: tuple[int, int], disparity: Array, confidence: Array, cells_per_pixel: float
     ) -> Array:
         """Disparity [h, w] drawn towards that of the frame before."""
         levels, unit = pyramid(view, picture)
+        red = reduced(view[0], picture, unit)
         out = disparity.astype(float)
         error = np.clip(-1 / np.log(1 - np.clip(confidence.astype(float), 0.01, 0.99)), 0.8, 6)
         variance = error**2
         if self.former is not None:
-            before, former, former_variance = self.former
+            before, red_before, former, former_variance = self.former
             shifts = motion(levels, before)
-            agreement, seen_x, seen_y = compare(levels[0], before[0], shifts)
+            agreement, seen_x, seen_y = compare((levels[0], red), (before[0], red_before), shifts)
             per_cell = 1 / (cells_per_pixel * unit)
             rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
             x, y = (columns + 0.5) * per_cell - 0.5, (rows + 0.5) * per_cell - 0.5
@@ -135,7 +143,7 @@ class TemporalFilter:
             share = np.maximum(0.1, uncertain / (uncertain + variance))
             out = out - (1 - share) * trust * (out - moved)
             variance = variance * (1 - trust * (1 - share))
-        self.former = levels, out, variance
+        self.former = levels, red, out, variance
         return out
 
 
@@ -143,15 +151,20 @@ def inside(shape: tuple[int, int], x: Array, y: Array) -> Array:
     return (x >= -0.5) & (x <= shape[1] - 0.5) & (y >= -0.5) & (y <= shape[0] - 0.5)
 
 
-def compare(now: Array, before: Array, shifts: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+def compare(now: Views, before: Views, shifts: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """How far the pictures say that a place shows what it showed before, 0..1; and each pixel's shift to there."""
-    h, w = now.shape
+    h, w = now[0].shape
     y, x = np.mgrid[:h, :w]
     shift_x, shift_y = shift_at(shifts, x, y)
     there = inside((h, w), x + shift_x, y + shift_y)
-    moved = sample(before, x + shift_x, y + shift_y)
-    gain = now[there].sum() / max(moved[there].sum(), 1e-6)
-    residual = neighbours(np.abs(now - gain * moved)).mean(axis=0)
+    moved = [sample(view, x + shift_x, y + shift_y) for view in before]
+    gains = [view[there].sum() / max(former[there].sum(), 1e-6) for view, former in zip(now, moved, strict=True)]
+
+    def apart(seen: Views, was: Views) -> Array:
+        """Of both colours, what differs more."""
+        return np.max([np.abs(one - gain * two) for one, two, gain in zip(seen, was, gains, strict=True)], axis=0)
+
+    residual = neighbours(apart(now, moved)).mean(axis=0)
     middle = np.sort(residual, axis=None)[residual.size // 2]
     if middle > 8:  # another scene
         return np.zeros((h, w)), shift_x, shift_y
@@ -169,8 +182,8 @@ def compare(now: Array, before: Array, shifts: tuple[Array, Array]) -> tuple[Arr
             for part, along, n in zip((patch_y, patch_x), (along_y, along_x), shifts[0].shape, strict=True)
         )
         other_x, other_y = shifts[0][at], shifts[1][at]
-        was = sample(before, around_x + other_x, around_y + other_y)
-        found = np.abs(now[around_y, around_x] - gain * was).mean(axis=0)
+        was = [sample(view, around_x + other_x, around_y + other_y) for view in before]
+        found = apart([view[around_y, around_x] for view in now], was).mean(axis=0)
         better = unlike & inside((h, w), x + other_x, y + other_y) & (found < residual)
         residual = np.where(better, found, residual)
         shift_x, shift_y = np.where(better, other_x, shift_x), np.where(better, other_y, shift_y)
@@ -202,8 +215,8 @@ def change_nearby(difference: Array, gate: Array, error: Array) -> Array:
         neighbours(np.pad(part, room).reshape((h + 7) // 8, 8, -1, 8).sum(axis=(1, 3))).sum(axis=0)
         for part in (weight, weight * difference, weight * error)
     )
-    change, limit = change / (total + 4), 0.2 * noise / (total + 4)
+    change, limit = change / (total + 4), 0.1 * noise / (total + 4)
     usual = np.sort(np.abs(change), axis=None)[change.size // 2]
-    change = np.sign(change) * np.maximum(0, np.abs(change) - np.maximum(limit, 3 * usual))
+    change = np.sign(change) * np.maximum(0, np.abs(change) - np.maximum(limit, 2 * usual))
     y, x = np.mgrid[:h, :w]
     return sample(change, (x + 0.5) / 8 - 0.5, (y + 0.5) / 8 - 0.5)

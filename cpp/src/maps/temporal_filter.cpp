@@ -30,8 +30,8 @@ constexpr float least_error = 0.8f, most_error = 6.0f;  // network pixels
 // it is above this share of the error to be expected, and above so many times what is usual in the frame. What is below is
 // taken for noise.
 constexpr int block = 8;  // cells
-constexpr float shared_share = 0.2f;
-constexpr float unusual = 3.0f;
+constexpr float shared_share = 0.1f;
+constexpr float unusual = 2.0f;
 constexpr float whole_share = 0.05f;  // the same of what the whole picture shares
 constexpr float block_ridge = 4.0f;  // cells of an error of 1: blocks with few that agree change little
 
@@ -102,6 +102,7 @@ void TemporalFilter::smooth(const TemporalInput& input) {
   read_errors(input);
   now_ = 1 - now_;
   views_[now_].read(input.left, input.picture);
+  read_red(input);
   const Size now = views_[now_].level(0).size;
   const Size before = views_[1 - now_].level(0).size;
   const bool fits = std::min(now.width, now.height) >= ImageMotion::patch;
@@ -133,6 +134,17 @@ void TemporalFilter::read_errors(const TemporalInput& input) {
   parallel_for(input.disparity.height, rows_per_block, read_rows);
 }
 
+void TemporalFilter::read_red(const TemporalInput& input) {
+  constexpr int red = 0;
+  const int unit = views_[now_].unit();
+  BrightnessMap& out = red_[now_];
+  out.resize(views_[now_].level(0).size);
+  for (int y = 0; y < out.size.height; ++y) {
+    float* const row = out.values.data() + static_cast<ptrdiff_t>(y) * out.size.width;
+    kernels().mean_cells(input.left.row(red, y * unit), input.left.width, unit, out.size.width, row);
+  }
+}
+
 void TemporalFilter::keep(const TemporalInput& input) {
   former_size_ = {input.disparity.width, input.disparity.height};
   former_.assign(input.disparity.data, input.disparity.data + count_of(former_size_));
@@ -140,10 +152,11 @@ void TemporalFilter::keep(const TemporalInput& input) {
 }
 
 void TemporalFilter::compare_pictures() {
-  const FloatView now = views_[now_].level(0).view();
-  const FloatView before = views_[1 - now_].level(0).view();
-  const Size size = {now.width, now.height};
+  const FloatView green = views_[now_].level(0).view(), red = red_[now_].view();
+  const FloatView green_before = views_[1 - now_].level(0).view(), red_before = red_[1 - now_].view();
+  const Size size = {green.width, green.height};
   residual_.resize(count_of(size));
+  moved_red_.resize(count_of(size));
   shifts_.resize(count_of(size));
   agreement_.resize(count_of(size));
   const auto move_rows = [&](int begin, int end, int) {
@@ -154,20 +167,26 @@ void TemporalFilter::compare_pictures() {
         const float from_x = static_cast<float>(x) + shift.x;
         const float from_y = static_cast<float>(y) + shift.y;
         shifts_[i] = shift;
-        residual_[i] = sample_bilinear(before, from_x, from_y);
+        residual_[i] = sample_bilinear(green_before, from_x, from_y);
+        moved_red_[i] = sample_bilinear(red_before, from_x, from_y);
         agreement_[i] = is_inside(size, from_x, from_y) ? 1.0f : 0.0f;
       }
     }
   };
   parallel_for(size.height, rows_per_block, move_rows);
-  double sum_now = 0.0, sum_before = 0.0;
+  // A camera sets its exposure anew for every frame, and its white balance.
+  const auto gain_of = [&](const FloatView& now, const std::vector<float>& before) {
+    double sum_now = 0.0, sum_before = 0.0;
+    for (size_t i = 0; i < before.size(); ++i) {
+      sum_now += static_cast<double>(agreement_[i] * now.data[i]);
+      sum_before += static_cast<double>(agreement_[i] * before[i]);
+    }
+    return static_cast<float>(sum_now / std::max(sum_before, 1e-6));
+  };
+  const Gains gains = {gain_of(green, residual_), gain_of(red, moved_red_)};
   for (size_t i = 0; i < residual_.size(); ++i) {
-    sum_now += static_cast<double>(agreement_[i] * now.data[i]);
-    sum_before += static_cast<double>(agreement_[i] * residual_[i]);
+    residual_[i] = std::max(std::abs(green.data[i] - gains.green * residual_[i]), std::abs(red.data[i] - gains.red * moved_red_[i]));
   }
-  // A camera sets its exposure anew for every frame.
-  const float gain = static_cast<float>(sum_now / std::max(sum_before, 1e-6));
-  for (size_t i = 0; i < residual_.size(); ++i) residual_[i] = std::abs(now.data[i] - gain * residual_[i]);
   sorted_.resize(count_of(size));
   const auto smoothed = [&](int x, int y) {
     float total = 0.0f;
@@ -196,7 +215,7 @@ void TemporalFilter::compare_pictures() {
       for (int x = 0; x < size.width; ++x) {
         const auto i = static_cast<size_t>(y * size.width + x);
         float residual = agreement_[i] > 0.0f ? residual_[i] : std::numeric_limits<float>::infinity();
-        if (residual > alike * noise) residual = find_better(x, y, gain, residual);
+        if (residual > alike * noise) residual = find_better(x, y, gains, residual);
         agreement_[i] = ramp(residual, alike * noise, unlike * noise);
       }
     }
@@ -204,28 +223,35 @@ void TemporalFilter::compare_pictures() {
   parallel_for(size.height, rows_per_block, judge_rows);
 }
 
+float TemporalFilter::difference_at(int x, int y, ImageMotion::Shift shift, const Gains& gains) const {
+  const FloatView green = views_[now_].level(0).view(), red = red_[now_].view();
+  const FloatView green_before = views_[1 - now_].level(0).view(), red_before = red_[1 - now_].view();
+  float total = 0.0f;
+  for (int dy = -1; dy <= 1; ++dy) {
+    const int row = std::clamp(y + dy, 0, green.height - 1);
+    for (int dx = -1; dx <= 1; ++dx) {
+      const int column = std::clamp(x + dx, 0, green.width - 1);
+      const auto i = static_cast<size_t>(row * green.width + column);
+      const float from_x = static_cast<float>(column) + shift.x, from_y = static_cast<float>(row) + shift.y;
+      const float by_green = std::abs(green.data[i] - gains.green * sample_bilinear(green_before, from_x, from_y));
+      total += std::max(by_green, std::abs(red.data[i] - gains.red * sample_bilinear(red_before, from_x, from_y)));
+    }
+  }
+  return total / 9.0f;
+}
+
 // At the edge of a tool the motions of both sides are mixed. There a pixel takes the motion of a patch nearby, if that
 // explains the picture better.
-float TemporalFilter::find_better(int x, int y, float gain, float residual) {
-  const FloatView now = views_[now_].level(0).view();
-  const FloatView before = views_[1 - now_].level(0).view();
-  const Size size = {now.width, now.height};
+float TemporalFilter::find_better(int x, int y, const Gains& gains, float residual) {
+  const Size size = views_[now_].level(0).size;
   constexpr std::array<std::array<int, 2>, 13> nearby = {{{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, 1}, {1, -1}, {-1, 1},
                                                           {-2, 0}, {2, 0}, {0, -2}, {0, 2}}};
   for (const auto& [along_x, along_y] : nearby) {
     const ImageMotion::Shift shift = motion_.of_patch(x, y, along_x, along_y);
     if (!is_inside(size, static_cast<float>(x) + shift.x, static_cast<float>(y) + shift.y)) continue;
-    float total = 0.0f;
-    for (int dy = -1; dy <= 1; ++dy) {
-      const int row = std::clamp(y + dy, 0, size.height - 1);
-      for (int dx = -1; dx <= 1; ++dx) {
-        const int column = std::clamp(x + dx, 0, size.width - 1);
-        const float was = sample_bilinear(before, static_cast<float>(column) + shift.x, static_cast<float>(row) + shift.y);
-        total += std::abs(now.data[static_cast<size_t>(row * size.width + column)] - gain * was);
-      }
-    }
-    if (total / 9.0f >= residual) continue;
-    residual = total / 9.0f;
+    const float found = difference_at(x, y, shift, gains);
+    if (found >= residual) continue;
+    residual = found;
     shifts_[static_cast<size_t>(y * size.width + x)] = shift;
   }
   return residual;

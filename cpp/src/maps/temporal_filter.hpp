@@ -31,11 +31,18 @@ class TemporalFilter {
   struct BlockSums {
     float weight = 0.0f, difference = 0.0f, error = 0.0f;
   };
+  // Of the exposure, from the frame before to this one.
+  struct Gains {
+    float green = 1.0f, red = 1.0f;
+  };
 
   void read_errors(const TemporalInput& input);
+  void read_red(const TemporalInput& input);
   // How much an earlier disparity may count, by the pictures: 0..1 for each pixel of the reduced view.
   void compare_pictures();
-  float find_better(int x, int y, float gain, float residual);
+  // What both colours differ by from the frame before around a pixel whose surface was at a shift from there.
+  float difference_at(int x, int y, ImageMotion::Shift shift, const Gains& gains) const;
+  float find_better(int x, int y, const Gains& gains, float residual);
   void move_former(const TemporalInput& input, Scale scale);
   void follow_depth(const TemporalInput& input);
   void follow_neighbourhoods(const TemporalInput& input);
@@ -47,6 +54,7 @@ class TemporalFilter {
   bool has_former_ = false;
   int now_ = 0;  // which of the two pyramids is this frame's
   BrightnessPyramid views_[2];
+  BrightnessMap red_[2];  // as the finest level of the pyramids, which are green: steel and tissue may be as bright in one
   ImageMotion motion_;
   std::vector<float> former_;    // disparity of the frame before, as it came out
   Size former_size_;
@@ -61,6 +69,7 @@ class TemporalFilter {
   std::vector<ImageMotion::Shift> shifts_;  // per pixel of the reduced view
   std::vector<float> agreement_;  // per pixel of the reduced view
   std::vector<float> residual_;
+  std::vector<float> moved_red_;
   std::vector<float> sorted_;
 };
 
