@@ -166,7 +166,7 @@ def compare(now: Views, before: Views, shifts: tuple[Array, Array]) -> tuple[Arr
 
     residual = neighbours(apart(now, moved)).mean(axis=0)
     middle = np.sort(residual, axis=None)[residual.size // 2]
-    if middle > 8:  # another scene
+    if middle > 16:  # another scene
         return np.zeros((h, w)), shift_x, shift_y
     noise = np.clip(middle, 0.5, 4)
     residual = np.where(there, residual, np.inf)

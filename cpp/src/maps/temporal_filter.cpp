@@ -19,7 +19,7 @@ constexpr float least_share = 0.1f;  // of a frame's own disparity, so that a wr
 // does not count.
 constexpr float alike = 2.5f, unlike = 5.0f;
 constexpr float least_noise = 0.5f, most_noise = 4.0f;  // grey levels
-constexpr float cut = 8.0f;  // where half of the picture differs by more, it is another scene
+constexpr float cut = 16.0f;  // where half of the picture differs by more, it is another scene
 
 // The same for differences of disparity, in units of the error to be expected. They are wide: where the pictures agree, most of
 // what differs is an error of the network.
