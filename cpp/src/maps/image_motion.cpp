@@ -165,15 +165,18 @@ float sample_bilinear(const FloatView& map, float x, float y) {
   return blend(map, Between(x, map.width), Between(y, map.height));
 }
 
+void read_means(const PlanarView& view, int channel, int unit, BrightnessMap& out) {
+  for (int y = 0; y < out.size.height; ++y) {
+    float* const row = out.values.data() + static_cast<ptrdiff_t>(y) * out.size.width;
+    kernels().mean_cells(view.row(channel, y * unit), view.width, unit, out.size.width, row);
+  }
+}
+
 void BrightnessPyramid::read(const PlanarView& view, Size picture) {
   constexpr int green = 1;
   unit_ = std::max(1, (picture.width + columns / 2) / columns);
   maps_[0].resize({picture.width / unit_, picture.height / unit_});
-  const Size size = maps_[0].size;
-  for (int y = 0; y < size.height; ++y) {
-    float* const out = maps_[0].values.data() + static_cast<ptrdiff_t>(y) * size.width;
-    kernels().mean_cells(view.row(green, y * unit_), view.width, unit_, size.width, out);
-  }
+  read_means(view, green, unit_, maps_[0]);
   levels_ = 1;
   while (levels_ < most_levels && std::min(maps_[levels_ - 1].size.width, maps_[levels_ - 1].size.height) >= 4 * ImageMotion::patch) {
     halve(maps_[levels_ - 1], maps_[levels_]);

@@ -26,6 +26,9 @@ struct BrightnessMap {
   FloatView view() const { return {values.data(), size.width, size.height}; }
 };
 
+// Means over squares of `unit` pixels of one channel of a view; `out` has its size.
+void read_means(const PlanarView& view, int channel, int unit, BrightnessMap& out);
+
 // A view reduced to about 120 columns, and halved again twice while patches still fit.
 class BrightnessPyramid {
  public:

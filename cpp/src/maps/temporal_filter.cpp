@@ -44,6 +44,7 @@ constexpr double fit_ridge = 1.0;
 constexpr float disparity_unit = 32.0f;
 
 constexpr int rows_per_block = 16;
+constexpr int red = 0;  // the channel
 
 using Terms = std::array<float, terms>;
 using Matrix = std::array<std::array<double, terms + 1>, terms>;
@@ -102,7 +103,8 @@ void TemporalFilter::smooth(const TemporalInput& input) {
   read_errors(input);
   now_ = 1 - now_;
   views_[now_].read(input.left, input.picture);
-  read_red(input);
+  red_[now_].resize(views_[now_].level(0).size);
+  read_means(input.left, red, views_[now_].unit(), red_[now_]);
   const Size now = views_[now_].level(0).size;
   const Size before = views_[1 - now_].level(0).size;
   const bool fits = std::min(now.width, now.height) >= ImageMotion::patch;
@@ -134,17 +136,6 @@ void TemporalFilter::read_errors(const TemporalInput& input) {
   parallel_for(input.disparity.height, rows_per_block, read_rows);
 }
 
-void TemporalFilter::read_red(const TemporalInput& input) {
-  constexpr int red = 0;
-  const int unit = views_[now_].unit();
-  BrightnessMap& out = red_[now_];
-  out.resize(views_[now_].level(0).size);
-  for (int y = 0; y < out.size.height; ++y) {
-    float* const row = out.values.data() + static_cast<ptrdiff_t>(y) * out.size.width;
-    kernels().mean_cells(input.left.row(red, y * unit), input.left.width, unit, out.size.width, row);
-  }
-}
-
 void TemporalFilter::keep(const TemporalInput& input) {
   former_size_ = {input.disparity.width, input.disparity.height};
   former_.assign(input.disparity.data, input.disparity.data + count_of(former_size_));
@@ -152,7 +143,7 @@ void TemporalFilter::keep(const TemporalInput& input) {
 }
 
 void TemporalFilter::compare_pictures() {
-  const FloatView green = views_[now_].level(0).view(), red = red_[now_].view();
+  const FloatView green = views_[now_].level(0).view(), reds = red_[now_].view();
   const FloatView green_before = views_[1 - now_].level(0).view(), red_before = red_[1 - now_].view();
   const Size size = {green.width, green.height};
   residual_.resize(count_of(size));
@@ -183,9 +174,9 @@ void TemporalFilter::compare_pictures() {
     }
     return static_cast<float>(sum_now / std::max(sum_before, 1e-6));
   };
-  const Gains gains = {gain_of(green, residual_), gain_of(red, moved_red_)};
+  const Gains gains = {gain_of(green, residual_), gain_of(reds, moved_red_)};
   for (size_t i = 0; i < residual_.size(); ++i) {
-    residual_[i] = std::max(std::abs(green.data[i] - gains.green * residual_[i]), std::abs(red.data[i] - gains.red * moved_red_[i]));
+    residual_[i] = std::max(std::abs(green.data[i] - gains.green * residual_[i]), std::abs(reds.data[i] - gains.red * moved_red_[i]));
   }
   sorted_.resize(count_of(size));
   const auto smoothed = [&](int x, int y) {
@@ -224,7 +215,7 @@ void TemporalFilter::compare_pictures() {
 }
 
 float TemporalFilter::difference_at(int x, int y, ImageMotion::Shift shift, const Gains& gains) const {
-  const FloatView green = views_[now_].level(0).view(), red = red_[now_].view();
+  const FloatView green = views_[now_].level(0).view(), reds = red_[now_].view();
   const FloatView green_before = views_[1 - now_].level(0).view(), red_before = red_[1 - now_].view();
   float total = 0.0f;
   for (int dy = -1; dy <= 1; ++dy) {
@@ -234,7 +225,7 @@ float TemporalFilter::difference_at(int x, int y, ImageMotion::Shift shift, cons
       const auto i = static_cast<size_t>(row * green.width + column);
       const float from_x = static_cast<float>(column) + shift.x, from_y = static_cast<float>(row) + shift.y;
       const float by_green = std::abs(green.data[i] - gains.green * sample_bilinear(green_before, from_x, from_y));
-      total += std::max(by_green, std::abs(red.data[i] - gains.red * sample_bilinear(red_before, from_x, from_y)));
+      total += std::max(by_green, std::abs(reds.data[i] - gains.red * sample_bilinear(red_before, from_x, from_y)));
     }
   }
   return total / 9.0f;

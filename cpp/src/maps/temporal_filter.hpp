@@ -37,7 +37,6 @@ class TemporalFilter {
   };
 
   void read_errors(const TemporalInput& input);
-  void read_red(const TemporalInput& input);
   // How much an earlier disparity may count, by the pictures: 0..1 for each pixel of the reduced view.
   void compare_pictures();
   // What both colours differ by from the frame before around a pixel whose surface was at a shift from there.
