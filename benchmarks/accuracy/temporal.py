@@ -33,7 +33,7 @@ from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 from endosdk.simulation.rasteriser import Rasteriser
 
-FIRST_SEED = 940_000
+FIRST_SEED = 950_000
 SAME_PX = 0.5  # by which disparities of one surface in two frames may differ from what its motion says
 SETTLED = 5  # frames before the filter counts
 PARTS = tuple(part.name for part in fields(FilmFrame))

@@ -112,6 +112,7 @@ def ramp(value: Array, full: Array | float, none: Array | float) -> Array:
 class TemporalFilter:
     def __init__(self) -> None:
         self.former: tuple[list[Array], Array, Array, Array] | None = None
+        self.rate = np.zeros(5)  # of the camera's change
 
     def smooth(
         self, view: Array, picture: tuple[int, int], disparity: Array, confidence: Array, cells_per_pixel: float
@@ -134,17 +135,41 @@ class TemporalFilter:
             gate, shift_x, shift_y = agreement[seen], seen_x[seen], seen_y[seen]
             from_x, from_y = columns + shift_x / per_cell, rows + shift_y / per_cell
             moved, moved_variance = sample(former, from_x, from_y), sample(former_variance, from_x, from_y)
-            change = shared_change(moved, out - moved, gate, error)
-            moved = moved + np.sign(change) * np.maximum(0, np.abs(change) - 0.05 * error)
-            moved = moved + change_nearby(out - moved, gate, error)
+            moved = moved + self.camera_change(moved, out - moved, gate, error)
+            moved = moved + change_nearby(moved, out - moved, gate, error)
             uncertain = moved_variance + 0.02 * variance
             reach = np.sqrt(variance + uncertain)
             trust = gate * ramp(np.abs(out - moved), 8 * reach, 16 * reach)
-            share = np.maximum(0.1, uncertain / (uncertain + variance))
+            share = np.maximum(0.07, uncertain / (uncertain + variance))
             out = out - (1 - share) * trust * (out - moved)
             variance = variance * (1 - trust * (1 - share))
         self.former = levels, red, out, variance
         return out
+
+    def camera_change(self, moved: Array, difference: Array, gate: Array, error: Array) -> Array:
+        """The part of the change of disparity that the motion of the camera explains, followed as a rate."""
+        h, w = moved.shape
+        y, x = np.mgrid[:h, :w]
+        x, y = (2 * x + 1) / w - 1, (2 * y + 1) / h - 1
+        weight = gate * ramp(np.abs(difference), 8 * error, 16 * error) / error
+        total, *means = sums([weight, *(weight * part for part in (difference, moved, x, y))])
+        enough = total >= 8
+        if not enough.any():
+            self.rate = np.zeros(5)
+            return np.zeros_like(moved)
+        target, *place = (part[enough] / total[enough] for part in means)
+        terms = camera_terms(*place)
+        target = target - terms @ self.rate
+        shares = total[enough] / (1 + 5 * (terms**2).sum(axis=-1))
+        found = np.zeros(5)
+        for _ in range(6):
+            left = target - terms @ found
+            reach = np.clip(3 * np.sort(np.abs(left))[left.size // 2], 0.01, 3)
+            kept = shares * np.maximum(0, 1 - (left / reach) ** 2) ** 2
+            found = np.linalg.solve(terms.T @ (terms * kept[:, None]) + np.eye(5), terms.T @ (kept * target))
+        change = self.rate + 0.5 * found
+        self.rate = self.rate + 0.3 * found
+        return camera_terms(moved, x, y) @ change
 
 
 def inside(shape: tuple[int, int], x: Array, y: Array) -> Array:
@@ -190,33 +215,31 @@ def compare(now: Views, before: Views, shifts: tuple[Array, Array]) -> tuple[Arr
     return ramp(residual, 2.5 * noise, 5 * noise), shift_x, shift_y
 
 
-def shared_change(moved: Array, difference: Array, gate: Array, error: Array) -> Array:
-    """The part of the change of disparity that moving along and turning about the axes explain."""
-    h, w = moved.shape
-    y, x = np.mgrid[:h, :w]
-    d, x, y = moved / 32, (2 * x + 1) / w - 1, (2 * y + 1) / h - 1
-    terms = np.stack([np.ones_like(d), d, d * x, d * y, d * d], axis=-1)
-    some = terms[::3, ::3].reshape(-1, 5)
-    target, gate, error = (each[::3, ::3].ravel() for each in (difference, gate, error))
-    change = np.zeros(5)
-    for reach in (3, 2, 1):
-        far = (target - some @ change) / (reach * error)
-        weight = gate * np.maximum(0, 1 - far**2) ** 2
-        change = np.linalg.solve(some.T @ (some * weight[:, None]) + np.eye(5), some.T @ (weight * target))
-    return terms @ change
+def sums(parts: Sequence[Array]) -> Array:
+    """Sums over blocks of 8 x 8 cells [n, h, w]."""
+    h, w = parts[0].shape
+    room = (0, -h % 8), (0, -w % 8)
+    return np.stack([np.pad(part, room).reshape((h + 7) // 8, 8, -1, 8).sum(axis=(1, 3)) for part in parts])
 
 
-def change_nearby(difference: Array, gate: Array, error: Array) -> Array:
-    """The part of the change that blocks of 8 x 8 cells share with the blocks around them, as far as it is no noise."""
+def camera_terms(d: Array, x: Array, y: Array) -> Array:
+    """What moving along and turning about the axes change, in a last axis of five."""
+    d = d / 32
+    return np.stack([np.ones_like(d), d, d * x, d * y, d * d], axis=-1)
+
+
+def change_nearby(moved: Array, difference: Array, gate: Array, error: Array) -> Array:
+    """The part of the change that blocks of 8 x 8 cells share with others on their surface, as far as it is no noise."""
     h, w = difference.shape
     weight = gate * ramp(np.abs(difference), 8 * error, 16 * error) / error
-    room = (0, -h % 8), (0, -w % 8)
-    total, change, noise = (
-        neighbours(np.pad(part, room).reshape((h + 7) // 8, 8, -1, 8).sum(axis=(1, 3))).sum(axis=0)
-        for part in (weight, weight * difference, weight * error)
-    )
+    parts = sums((weight, weight * difference, weight * error, weight * moved))
+    total, change, noise, place = (neighbours(part) for part in parts)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        apart = np.abs(place / total - parts[3] / parts[0])
+    share = np.where((total > 0) & (parts[0] > 0), ramp(apart, 2, 4), 0)
+    total, change, noise = ((share * part).sum(axis=0) for part in (total, change, noise))
     change, limit = change / (total + 4), 0.1 * noise / (total + 4)
     usual = np.sort(np.abs(change), axis=None)[change.size // 2]
-    change = np.sign(change) * np.maximum(0, np.abs(change) - np.maximum(limit, 2 * usual))
+    change = np.sign(change) * np.maximum(0, np.abs(change) - np.maximum(limit, 3 * usual))
     y, x = np.mgrid[:h, :w]
     return sample(change, (x + 0.5) / 8 - 0.5, (y + 0.5) / 8 - 0.5)
