@@ -80,6 +80,7 @@ TEST_SETS = {  # record and label, for the tables of one model
     "accuracy/accuracy": "`endosim-gi`, rendered, 100 pairs",
     "accuracy/accuracy_cycles": "`endosim-gi-cycles`, path-traced, 60 pairs",
     "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoilt pictures, 100 pairs",
+    "accuracy/accuracy_lap_cycles": "`endosim-lap-cycles`, path-traced, 40 pairs",
 }
 # Focal length over frame width and baseline in mm of three published rigs.
 RIGS = {
@@ -379,6 +380,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "accuracy-cycles": partial(accuracy_table, "accuracy/accuracy_cycles"),
     "edges-cycles": partial(edges_table, "accuracy/accuracy_cycles"),
     "middlebury": partial(parts_table, "accuracy/middlebury"),
+    "lap": partial(parts_table, "accuracy/accuracy_lap"),
+    "lap-cycles": partial(parts_table, "accuracy/accuracy_lap_cycles"),
     "speed": partial(speed_table, SPEEDS),
     "range-end": range_end_table,
     "arm-instructions": arm_instructions_table,

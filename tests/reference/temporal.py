@@ -229,7 +229,7 @@ def camera_terms(d: Array, x: Array, y: Array) -> Array:
 
 
 def change_nearby(moved: Array, difference: Array, gate: Array, error: Array) -> Array:
-    """The part of the change that blocks of 8 x 8 cells share with others on their surface, as far as it is no noise."""
+    """The part of the change that blocks of 8 x 8 cells share with others on their surface, if it is no noise."""
     h, w = difference.shape
     weight = gate * ramp(np.abs(difference), 8 * error, 16 * error) / error
     parts = sums((weight, weight * difference, weight * error, weight * moved))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -26,15 +27,18 @@ KEPT = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
 SMALL = Path(__file__).parents[1] / "data" / "endosim-gi-2020500003"
 
 
-def test_three_sets_are_published() -> None:
-    assert published_names() == ("endosim-gi", "endosim-gi-cycles", "endosim-lap")
-    bulk, traced, surgery = (published(name).recipe for name in published_names())
+def test_four_sets_are_published() -> None:
+    assert published_names() == ("endosim-gi", "endosim-gi-cycles", "endosim-lap", "endosim-lap-cycles")
+    bulk, traced, surgery, traced_surgery = (published(name).recipe for name in published_names())
     assert (bulk.organ, bulk.pairs, bulk.test_pairs, bulk.renderer) == ("gi", 800, 100, "gl")
     assert (traced.organ, traced.test_pairs, traced.renderer) == ("gi", 60, "cycles")
     assert (surgery.organ, surgery.rig, surgery.test_pairs, surgery.faults) == ("lap", "drawn", 100, True)
     assert surgery.limits.largest == 0.25 * surgery.camera.width
     seeds = [{seed for _, seed in recipe.tasks()} for recipe in (bulk, traced, surgery)]
     assert len(set.union(*seeds)) == sum(len(one) for one in seeds)
+    first = [seed for split, seed in surgery.tasks() if split == "test"][:40]
+    assert [seed for _, seed in traced_surgery.tasks()] == first, "the same scenes by another renderer"
+    assert replace(traced_surgery, renderer="gl", pairs=1500, test_pairs=100) == surgery
     assert {published(name).generator_version for name in published_names()} == {GENERATOR_VERSION}
 
 
@@ -42,7 +46,7 @@ def test_an_unknown_recipe_is_named(tmp_path: Path, capsys: pytest.CaptureFixtur
     with pytest.raises(InvalidArgument, match=r"^recipe: "):
         published("../recipe")
     assert main(["simulate", "--recipe", "endosim-xl", "--out", str(tmp_path / "set")]) == 2
-    assert "recipe: must be one of endosim-gi, endosim-gi-cycles, endosim-lap" in capsys.readouterr().err
+    assert f"recipe: must be one of {', '.join(published_names())}" in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
 
 
@@ -86,7 +90,9 @@ def test_a_published_pair_of_surgery_is_rendered_again(renderer: Rasteriser, tmp
         pytest.skip("this processor gives the published picture and truth to rounding, not to the bit")
 
 
-def test_a_published_path_traced_sample_is_rendered_again_to_the_bit(tmp_path: Path) -> None:
+@pytest.mark.skipif(not (KEPT / "dataset.json").is_file(), reason="no Cycles split: see docs/datasets/endosim-gi.md")
+def test_a_published_path_traced_sample_is_rendered_again(tmp_path: Path) -> None:
+    """The same picture and the same truth as the kept ones; to the bit on a processor like that of the hash."""
     known = published("endosim-gi-cycles")
     try:
         traced = CyclesRenderer(find_python())
@@ -100,7 +106,11 @@ def test_a_published_path_traced_sample_is_rendered_again_to_the_bit(tmp_path: P
         sample = render_sample(traced, int(name[5:]), recipe.organ, recipe.camera, recipe.limits)
     finally:
         traced.close()
-    assert write_sample(tmp_path, "test", sample) == known.expected[name]
+    kept = open_dataset(KEPT, "test")[0]
+    assert np.abs(sample.left.astype(float) - kept.left).mean() < 3  # grey levels; the kept view is a JPEG
+    assert np.nanmax(np.abs(sample.disparity - kept.disparity)) < 1 / 256
+    if write_sample(tmp_path, "test", sample) != known.expected[name]:
+        pytest.skip("this processor gives the published picture and truth to rounding, not to the bit")
 
 
 @pytest.mark.skipif(not (KEPT / "dataset.json").is_file(), reason="no Cycles split: see docs/datasets/endosim-gi.md")
