@@ -57,6 +57,13 @@ def test_opencv_itself_reads_the_file(tmp_path: Path) -> None:
     assert point[2] / point[3] == pytest.approx(g.focal_px * g.baseline_mm / (20.0 + g.doffs))
 
 
+@pytest.mark.parametrize("name", ["rig", "rig.txt", "rig.opencv.xml"])
+def test_an_ending_that_stands_for_no_layout_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidArgument, match=r"^path: must end in one of \.json, \.yaml, \.yml, \.opencv\.yaml"):
+        raw_rig().save(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
 def test_coefficients_that_kalibr_cannot_hold_are_refused(tmp_path: Path) -> None:
     rig = raw_rig(left_distortion=np.array([-0.2, 0.1, 0, 0, 0.03]))
     with pytest.raises(InvalidArgument, match="four coefficients"):

@@ -102,6 +102,15 @@ def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done,
         assert found == expected
 
 
+def test_one_word_names_both_folders(archive, done, tmp_path, capsys):
+    words = {"folder": str(archive), "two": f"{archive / 'left'},{archive / 'right'}"}
+    for name, word in words.items():
+        assert main(["batch", word, "--out", str(tmp_path / name), "--threads", "1"]) in (0, 1)
+        assert sorted(path.name for path in (tmp_path / name / "pairs").iterdir()) == sorted(NAMES)
+    assert main(["batch", str(archive / "left"), "--out", str(tmp_path / "none")]) == 2
+    assert "source: must be LEFT,RIGHT, two folders, or a folder with left and right" in capsys.readouterr().err
+
+
 def test_a_batch_is_continued_and_not_computed_again(archive, settings, done, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(done, out)

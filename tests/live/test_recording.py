@@ -205,6 +205,44 @@ def test_what_is_done_is_not_done_again(recorded, video):
     assert (recorded / "depth.mkv").stat().st_mtime_ns == before
 
 
+def test_a_recording_that_frames_ended_is_not_taken_for_more(video, tmp_path, capsys):
+    words = ["run", str(video), "--model", str(TINY_MODEL), "--out", str(tmp_path / "r")]
+    for few in ("0", "-3"):
+        assert main([*words, "--frames", few]) == 2
+        assert "frames: must be at least 1" in capsys.readouterr().err
+    assert main([*words, "--frames", "3"]) == main([*words, "--frames", "3"])
+    assert main([*words, "--frames", "5"]) == 2
+    assert "out: must be new: it was ended after 3 frames" in capsys.readouterr().err
+
+
+def test_results_of_a_streamed_source_know_their_frames(video):
+    source = endosdk.open_source(video).tagged(lambda frame: f"frame {frame.number}")
+    results = list(estimator().stream(source))
+    assert [result.source_frame.tag for result in results] == [f"frame {n}" for n in range(COUNT)]
+    for result, (left, right) in zip(results, PAIRS, strict=True):
+        assert np.array_equal(result.source_frame.left, left)
+        assert np.array_equal(result.disparity, estimator().predict(left, right).disparity)
+    assert next(iter(estimator().stream(iter(PAIRS)))).source_frame is None
+
+
+def test_what_is_no_recording_is_refused_by_name(video, tmp_path, capsys):
+    for path in (video, str(video)):
+        with pytest.raises(InvalidArgument, match=r"^source: must be a folder or a \.mkv file that endosdk run wrote"):
+            Recording(path)
+    run = ["run", str(video), "--model", str(TINY_MODEL), "--frames", "2", "--out", str(tmp_path / "r.mcap")]
+    main(run)
+    assert main(["replay", str(tmp_path / "r.mcap"), "--out", str(tmp_path / "pictures"), "--json"]) == 2
+    assert "must be a folder or a .mkv file that endosdk run wrote" in capsys.readouterr().err
+
+
+def test_run_writes_a_ros_2_bag_under_its_own_name(video, tmp_path):
+    out = tmp_path / "r.ros2"
+    assert main(["run", str(video), "--model", str(TINY_MODEL), "--out", str(out)]) in (0, 1)
+    assert sorted(path.name for path in out.iterdir()) == ["metadata.yaml", "r.ros2.db3"]
+    assert "partial" not in (out / "metadata.yaml").read_text()
+    assert endosdk.open_source(out).count == COUNT
+
+
 def test_without_pictures_and_rig(video, tmp_path):
     record(endosdk.open_source(video), estimator(None), tmp_path / "r", pictures=False, most=3)
     recording = Recording(tmp_path / "r")

@@ -48,6 +48,7 @@ def test_q_gives_the_points_of_the_result():
     rig = StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96), cx=70.0, doffs=0.25)
     result = DepthEstimator(str(TINY_MODEL), calibration=rig).predict(*shifted_pair(96, 160, 10))
     points = cv2.reprojectImageTo3D(result.disparity, q_matrix(rig.rectification()))
+    assert np.array_equal(q_matrix(rig), q_matrix(rig.rectification()))
     valid = result.reasons == 0
     assert valid.mean() > 0.5
     assert points[valid] == pytest.approx(result.points()[valid], rel=1e-4)

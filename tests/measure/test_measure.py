@@ -150,6 +150,13 @@ def test_area_of_a_square_on_the_plane(plane):
     assert 0.2 < found.flat.standard_error / (20 * 15 * 0.01) < 1.5
 
 
+def test_an_outline_that_crosses_itself_is_refused(plane):
+    with pytest.raises(InvalidArgument, match=r"^polygon: must not cross itself; got lines 0 and 2"):
+        area(plane, [(40, 30), (80, 60), (80, 30), (40, 60)])
+    with pytest.raises(InvalidArgument, match=r"^polygon: must be 3 to 10000 pixels"):
+        area(plane, [(40, 30), (80, 30)])
+
+
 def test_relief_of_a_step(plane):
     depth = plane.depth.copy()
     depth[40:50, 50:70] -= 4
@@ -167,7 +174,7 @@ def test_pixels_without_depth_are_refused_with_the_reason(plane):
         distance(result, (10, 10), (160, 10))
     with pytest.raises(InvalidArgument, match="two or more"):
         path_length(result, [(1, 1)])
-    with pytest.raises(InvalidArgument, match="three pixels"):
+    with pytest.raises(InvalidArgument, match="must be 3 to 10000 pixels"):
         area(result, [(1, 1), (5, 5)])
     with pytest.raises(InvalidArgument, match="30 pixels"):
         area(result, [(1, 1), (3, 1), (3, 3)])

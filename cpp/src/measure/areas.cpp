@@ -11,6 +11,8 @@ namespace {
 // L of the mean over a whole surface, longer than that of two pixels: a weak part of the errors goes on over an object.
 constexpr double plane_correlation_share = 0.027;
 
+constexpr size_t most_corners = 10'000;  // of a polygon
+
 constexpr size_t most_fitted = 600;  // neighbouring pixels hardly know more than one of them
 
 // Standard error of the relief over that of a pixel: the extremes of many pixels stray further than one does. With it,
@@ -37,11 +39,26 @@ struct Plane {
 
 double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
+// On which side of the line from a to b a point lies.
+double side_of(const Point& a, const Point& b, const Point& p) { return (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x); }
+
+bool segments_cross(const Point& a, const Point& b, const Point& c, const Point& d) {
+  return side_of(a, b, c) * side_of(a, b, d) < 0.0 && side_of(c, d, a) * side_of(c, d, b) < 0.0;
+}
+
 void check_polygon(const MeasuredMaps& maps, const std::vector<Point>& polygon) {
-  require(polygon.size() >= 3, "polygon", "must be three pixels or more", polygon.size());
+  require(polygon.size() >= 3 && polygon.size() <= most_corners, "polygon", Text("must be 3 to ", most_corners, " pixels"),
+          polygon.size());
   for (const Point& p : polygon) {
     const bool inside = p.x >= -0.5 && p.y >= -0.5 && p.x <= maps.size.width - 0.5 && p.y <= maps.size.height - 0.5;
     require(inside, "polygon", Text("must lie in the map of ", maps.size.width, "x", maps.size.height), Text(p.x, ", ", p.y));
+  }
+  // Where the outline crosses itself, nobody can say what is inside.
+  for (size_t i = 0; i < polygon.size(); ++i) {
+    for (size_t k = i + 2; k < polygon.size(); ++k) {
+      const bool crossed = segments_cross(polygon[i], polygon[i + 1], polygon[k], polygon[(k + 1) % polygon.size()]);
+      require(!crossed, "polygon", "must not cross itself", Text("lines ", i, " and ", k));
+    }
   }
 }
 

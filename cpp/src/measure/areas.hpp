@@ -18,7 +18,7 @@ struct MeasuredArea {
   double coverage = 0.0;
 };
 
-// A pixel is inside when its centre is. Refuses polygons that leave the map, or hold too few pixels with depth.
+// A pixel is inside when its centre is. Refuses polygons that leave the map or cross themselves, or hold too few pixels with depth.
 MeasuredArea area(const MeasuredMaps& maps, const std::vector<Point>& polygon);
 
 }  // namespace endosdk

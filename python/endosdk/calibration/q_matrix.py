@@ -5,17 +5,20 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.rig import RectifiedGeometry
+from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
 from endosdk.errors import InvalidArgument
 
 Matrix = npt.NDArray[np.float64]
 
 
-def q_matrix(geometry: RectifiedGeometry) -> Matrix:
+def q_matrix(geometry: RectifiedGeometry | StereoCalibration) -> Matrix:
     """Return OpenCV's Q [4,4]: ``Q @ (x, y, disparity, 1)`` is the point, homogeneous, mm.
 
+    ``geometry`` is that of rectified pairs, or a rig, which then is rectified as the SDK does it.
     Raises InvalidArgument where pixels are not square: Q cannot say that.
     """
+    if isinstance(geometry, StereoCalibration):
+        geometry = geometry.rectification()
     if abs(geometry.focal_px - geometry.focal_y_px) > 1e-6 * geometry.focal_px:
         rule = "must have square pixels, which Q takes for granted; use DepthResult.points"
         raise InvalidArgument("geometry", rule, (geometry.focal_px, geometry.focal_y_px))

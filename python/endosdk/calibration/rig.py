@@ -214,7 +214,7 @@ class StereoCalibration:
         """Write endosdk's own layout, YAML or JSON by the name's ending; what is read back is equal.
 
         A name that ends in ``.opencv.yaml``, ``.ros.yaml`` or ``.kalibr.yaml`` asks for the layout of that program; ROS
-        has two files. Returns the files written. Raises `StorageFailed`.
+        has two files. Returns the files written. Raises `StorageFailed`, and InvalidArgument for another ending.
         """
         from endosdk.calibration.files import exports, native
 
@@ -222,6 +222,9 @@ class StereoCalibration:
             raise InvalidArgument("path", "must be a file name", repr(path))
         if exports.layout_of(Path(path)) is not None:
             return exports.write(self, Path(path))
+        if Path(path).suffix.lower() not in native.ENDINGS:
+            endings = ", ".join((*native.ENDINGS, *exports.ENDINGS))
+            raise InvalidArgument("path", f"must end in one of {endings}", str(path))
         native.write(self.content(), self.sha256, Path(path))
         return [Path(path)]
 

@@ -11,8 +11,8 @@ from endosdk.commands.report import Report
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("left", type=Path, help="folder of the left views")
-    parser.add_argument("right", type=Path, help="folder of the right views, with the same numbers in their names")
+    parser.add_argument("left", help="folder of the left views; or alone: a folder with left and right, or LEFT,RIGHT")
+    parser.add_argument("right", nargs="?", help="folder of the right views, with the same numbers in their names")
     parser.add_argument("--out", type=Path, required=True, help="folder for the maps; a batch begun there is continued")
     add_model(parser)
     add_calibration(parser)
@@ -24,13 +24,15 @@ def run(args: argparse.Namespace) -> int:
     """Compute what is missing; the status is 1 where pictures, or the maps of a pair, cannot be used."""
     from endosdk import StereoCalibration
     from endosdk.jobs.batch import PAIRS, Settings, find_pairs, run_batch
+    from endosdk.live.sources.words import two_folders
 
     options = session_options(args)
     if args.threads is None and (args.ray or args.workers > 1):
         options["threads"] = 1
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
     settings = Settings(model=args.model, calibration=rig, **options)
-    pairs = find_pairs(args.left, args.right)
+    folders = two_folders(args.left) if args.right is None else (Path(args.left), Path(args.right))
+    pairs = find_pairs(*folders)
     try:
         record = run_batch(pairs, settings, args.out, workers=args.workers, ray=args.ray)
     except KeyboardInterrupt:

@@ -10,7 +10,7 @@ from endosdk.commands.options import add_calibration, report_nearest_depths
 from endosdk.commands.pair_report import explain_pair
 from endosdk.commands.report import Report
 
-OPTIONAL = ("torch", "onnx", "moderngl", "matplotlib", "ray")
+OPTIONAL = ("torch", "onnx", "moderngl", "matplotlib", "ray", "av", "aiohttp", "mcap", "rosbags")
 OPENCV = tuple(f"opencv{contrib}-python{headless}" for contrib in ("", "-contrib") for headless in ("", "-headless"))
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recording", type=Path, help="folder that endosdk run wrote")
+    parser.add_argument("recording", type=Path, help="folder or FILE.mkv that endosdk run wrote")
     parser.add_argument(
         "--out",
         type=Path,
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out.exists():
         raise InvalidArgument("out", "must not exist yet", args.out)
     recording = Recording(args.recording)
-    if args.out.suffix.lower() in (*FILES, ".ros2"):
+    if args.out.suffix.lower() in FILES:
         export(recording, args.out)
     else:
         _write_pictures(recording, args.out)

@@ -18,7 +18,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder, FILE.mkv, FILE.mcap or FILE.bag; a recording begun there is continued",
+        help="folder, FILE.mkv, FILE.mcap, FILE.bag or FOLDER.ros2; a recording begun there is continued",
     )
     parser.add_argument("--no-pictures", action="store_true", help="keep depth only; replay then has no frames")
     parser.add_argument("--frames", type=int, help="stop after this many (default: at the end of the source)")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 import webbrowser
 from collections.abc import Callable
@@ -41,13 +42,18 @@ def run(args: argparse.Namespace) -> int:
     player = Player(made_estimator(args), opened_source(args), playing=not args.paused, temporal=args.temporal)
     if args.rerun is not None:
         player.listeners.append(rerun_writer(args.rerun, player))
+        player.start()  # the file is wanted, whether a page is open or not
     server = Server(player, port=args.port, recordings=args.recordings)
     print(json.dumps({"address": server.address}) if args.json else f"open       {server.address}", flush=True)
     if args.open:
         webbrowser.open(server.address)
+    told = None
     try:
         while True:
             time.sleep(0.5)
+            if player.error is not None and player.error is not told:
+                told = player.error
+                print(f"endosdk view: {told}", file=sys.stderr, flush=True)
     except KeyboardInterrupt:
         pass
     finally:

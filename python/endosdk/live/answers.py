@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator
 
-from endosdk.live.frames import Frame, Picture
+from endosdk.live.frames import Frame
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.result import DepthResult
 
@@ -18,12 +17,5 @@ def answers(
     The frame carries number, time stamp, tag and both views. ``reuse`` and ``temporal`` are those of
     `stream`.
     """
-    drawn: deque[Frame] = deque()
-
-    def pairs() -> Iterator[tuple[Picture, Picture]]:
-        for frame in frames:
-            drawn.append(frame)
-            yield frame.left, frame.right
-
-    for result in estimator.stream(pairs(), reuse=reuse, temporal=temporal):
-        yield drawn.popleft(), result
+    for result in estimator.stream(frames, reuse=reuse, temporal=temporal):
+        yield result.source_frame, result

@@ -29,7 +29,7 @@ from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.result import DepthResult, Timings
 from endosdk.runtime.rig_error import rig_error
 from endosdk.runtime.session import StereoSession, checked_options, installed_provider, load_runtime
-from endosdk.runtime.stream import Feeder, drawn_from
+from endosdk.runtime.stream import Feeder, StereoFrame, drawn_from
 
 # Lines about single frames are for hosts that set logging up; they must not fill a terminal unasked.
 logging.getLogger("endosdk.frames").addHandler(logging.NullHandler())
@@ -192,7 +192,7 @@ class DepthEstimator:
 
     def stream(
         self,
-        source: Iterable[tuple[Any, ...]] | Callable[[], tuple[Any, ...] | None],
+        source: Iterable[tuple[Any, ...] | StereoFrame] | Callable[[], tuple[Any, ...] | None],
         *,
         reuse: bool = False,
         temporal: bool = False,
@@ -206,7 +206,8 @@ class DepthEstimator:
 
         Args:
             source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
-                frame may be overwritten once the next one is asked for. A third item is the pair's ``stamp_ns``.
+                frame may be overwritten once the next one is asked for. A third item is the pair's ``stamp_ns``. A
+                source of `open_source` is taken as it is; each result then has its frame as ``source_frame``.
             reuse: write all results into a fixed ring of maps, so that no memory is allocated per frame; each result is
                 then good until the next one is drawn.
             temporal: draw each frame's disparity towards that of the frame before, moved to where its surfaces are now
@@ -234,7 +235,7 @@ class DepthEstimator:
         return self._stream(iter(source), reuse, temporal, follow_rig)
 
     def _stream(
-        self, pairs: Iterator[tuple[Any, ...]], reuse: bool, temporal: bool, follow_rig: bool
+        self, pairs: Iterator[tuple[Any, ...] | StereoFrame], reuse: bool, temporal: bool, follow_rig: bool
     ) -> Iterator[DepthResult]:
         ring: list[Maps] = []  # one more than frames in flight: the consumer holds a result too
 
@@ -251,8 +252,8 @@ class DepthEstimator:
                 stream.follow_rig()
             return stream
 
-        for report, maps in Feeder(pairs, opened, maps_for).answers():
-            yield self._result(report, maps)
+        for report, maps, frame in Feeder(pairs, opened, maps_for).answers():
+            yield self._result(report, maps, frame)
 
     def rectify(self, left: Any, right: Any) -> tuple[Picture, Picture]:
         """Return a pair's rectified pictures at the size of the frame: RGB uint8 [H, W, 3] each.
@@ -303,7 +304,7 @@ class DepthEstimator:
             raise InvalidArgument("out", "must have maps that can be written", "read-only maps")
         return maps
 
-    def _result(self, report: _core.FrameReport, maps: Maps) -> DepthResult:
+    def _result(self, report: _core.FrameReport, maps: Maps, source_frame: Any = None) -> DepthResult:
         return DepthResult(
             maps=maps,
             status=report.status,
@@ -320,6 +321,7 @@ class DepthEstimator:
             identity=report.identity,
             stamp_ns=report.stamp_ns or None,
             age_ms=_number_or_none(report.age_ms),
+            source_frame=source_frame,
         )
 
 

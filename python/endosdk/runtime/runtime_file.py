@@ -8,7 +8,7 @@ import importlib.util
 import re
 from pathlib import Path
 
-from endosdk.errors import InvalidArgument, RuntimeHashMismatch, RuntimeMissing
+from endosdk.errors import InvalidArgument, RuntimeHashMismatch, RuntimeMissing, must_install
 
 # In the packages from PyPI this one file is the runtime; the library for C beside it is not opened by Python.
 PATTERN = "capi/onnxruntime_pybind11_state*"
@@ -34,6 +34,6 @@ def check_pin(expected: str) -> None:
         raise InvalidArgument("runtime_sha256", "must be 64 hexadecimal digits", repr(expected))
     file = runtime_file()
     if file is None:
-        raise RuntimeMissing("onnxruntime", "install the extra: pip install 'endosdk[cpu]' or 'endosdk[gpu]'", "none")
+        raise RuntimeMissing("onnxruntime", must_install("cpu"), "none")
     if (seen := sha256_of(file)) != expected.lower():
         raise RuntimeHashMismatch("runtime", f"{file} must have SHA-256 {expected.lower()}", seen)

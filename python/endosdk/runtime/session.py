@@ -21,6 +21,7 @@ from endosdk.errors import (
     ProviderUnavailable,
     RuntimeConflict,
     RuntimeMissing,
+    must_install,
 )
 from endosdk.runtime import runtime_file, telemetry
 from endosdk.runtime.models import ModelFile, ModelInfo, parse_metadata
@@ -44,9 +45,7 @@ def load_runtime(sha256: str | None = None) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise RuntimeMissing(
-            "onnxruntime", "install the extra: pip install 'endosdk[cpu]' or 'endosdk[gpu]'", str(error)
-        ) from error
+        raise RuntimeMissing("onnxruntime", must_install("cpu"), str(error)) from error
     if telemetry.started_by_host():
         warnings.warn(
             "onnxruntime was imported before endosdk with its telemetry on; import endosdk first or set "

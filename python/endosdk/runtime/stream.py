@@ -5,8 +5,9 @@ from __future__ import annotations
 import atexit
 import threading
 import weakref
+from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from endosdk import _core
 from endosdk.errors import InvalidArgument
@@ -17,6 +18,22 @@ THREAD_NAME = "endosdk-stream"
 SOURCE_PATIENCE_S = 0.2  # how long closing waits for a source that is asked for a pair and does not answer
 
 _END = object()
+
+
+@runtime_checkable
+class StereoFrame(Protocol):
+    """A pair as `open_source` yields it."""
+
+    @property
+    def left(self) -> Any:
+        """The left view, as `predict` takes it."""
+
+    @property
+    def right(self) -> Any:
+        """The right view."""
+
+
+Drawn = tuple[Picture, Picture, int, Any]  # left, right, stamp_ns, the frame as the source yielded it
 
 _open_streams: weakref.WeakSet[Feeder] = weakref.WeakSet()
 
@@ -40,12 +57,13 @@ class Feeder:
         self._stream: _core.Stream | None = None
         self._started = threading.Event()  # the stream is open, or never will be
         self._error: BaseException | None = None  # of the source, raised after the answers before it
+        self._frames: deque[Any] = deque()  # as the source yielded them, of the pairs that are on their way
         self._over = False
         self._drawing = False
         self._reader = threading.Thread(target=self._read, name=THREAD_NAME, daemon=True)
 
-    def answers(self) -> Iterator[tuple[_core.FrameReport, Maps]]:
-        """Yield what is said of each frame, and its maps.
+    def answers(self) -> Iterator[tuple[_core.FrameReport, Maps, Any]]:
+        """Yield what is said of each frame, its maps, and the frame of `open_source` where the source yields those.
 
         Closing the iterator waits for what is being computed and ends the threads. A source that is held up, a camera
         that has stalled, is left behind: its thread ends when it answers, and does not keep the program from ending.
@@ -55,7 +73,7 @@ class Feeder:
         try:
             self._started.wait()
             while self._stream is not None and (answer := self._stream.receive()) is not None:
-                yield answer
+                yield *answer, self._frames.popleft()
             if self._error is not None:
                 raise self._error
         finally:
@@ -72,8 +90,8 @@ class Feeder:
     def _read(self) -> None:
         try:
             number = 0
-            while (pair := self._draw()) is not None:
-                self._submit(number, pair)
+            while (drawn := self._draw()) is not None:
+                self._submit(number, drawn)
                 number += 1
         except BaseException as error:  # whatever it is, it is raised where the answers are drawn
             if not self._over:
@@ -83,7 +101,7 @@ class Feeder:
                 self._stream.end()
             self._started.set()
 
-    def _draw(self) -> tuple[Picture, Picture, int] | None:
+    def _draw(self) -> Drawn | None:
         """Return the next pair, once there is room for it; None at the end."""
         if self._stream is not None and not self._stream.wait_for_room():
             return None
@@ -94,16 +112,20 @@ class Feeder:
             self._drawing = False
         if item is _END or self._over:
             return None
+        if isinstance(item, StereoFrame):
+            return *check_pair(item.left, item.right), check_stamp(None), item
         if not isinstance(item, tuple | list) or len(item) not in (2, 3):
-            raise InvalidArgument("source", "must yield (left, right) or (left, right, stamp_ns)", type(item).__name__)
-        return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None)
+            rule = "must yield (left, right), (left, right, stamp_ns) or frames of open_source"
+            raise InvalidArgument("source", rule, type(item).__name__)
+        return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None), None
 
-    def _submit(self, number: int, pair: tuple[Picture, Picture, int]) -> None:
-        left, right, stamp_ns = pair
+    def _submit(self, number: int, drawn: Drawn) -> None:
+        left, right, stamp_ns, frame = drawn
         height, width = left.shape[:2]
         if self._stream is None:
             self._stream = self._open_stream(width, height)
             self._started.set()
+        self._frames.append(frame)
         self._stream.submit(left, right, self._maps_for(number, self._stream, (width, height)), stamp_ns)
 
 

@@ -31,6 +31,8 @@ from endosdk.io.whole_files import write_text
 
 FORMAT = "endosdk-stereo-calibration"
 VERSION = 1
+YAML_ENDINGS = (".yaml", ".yml")
+ENDINGS = (".json", *YAML_ENDINGS)
 
 
 def looks_like(text: str) -> bool:
@@ -104,7 +106,7 @@ def write(content: Mapping[str, Any], sha256: str, path: Path) -> None:
     Raises `StorageFailed`.
     """
     document = {"format": FORMAT, "version": VERSION, **content, "sha256": sha256}
-    if path.suffix.lower() in (".yaml", ".yml"):
+    if path.suffix.lower() in YAML_ENDINGS:
         write_text(path, yaml.dump(document, Dumper=NumbersInLines, sort_keys=False, width=120))
     else:
         write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

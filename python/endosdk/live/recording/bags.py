@@ -5,18 +5,30 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from endosdk.errors import DependencyMissing, StorageFailed
+from endosdk.errors import DependencyMissing, StorageFailed, must_install
 from endosdk.live.recording.messages import TOPICS, messages
 from endosdk.live.recording.recording import Recording
 
 
-def write_bag(recording: Recording, out: Path, ending: str) -> None:
-    """Write ``.mcap``, ``.bag`` (ROS 1), or a folder (ROS 2). Raises StorageFailed, DependencyMissing."""
+def write_bag(recording: Recording, partial: Path, out: Path) -> None:
+    """Write ``.mcap``, ``.bag`` (ROS 1), or else a folder (ROS 2), at ``partial``, which becomes ``out``.
+
+    Raises StorageFailed, DependencyMissing.
+    """
+    ending = out.suffix.lower()
     try:
         if ending == ".mcap":
-            _write_mcap(recording, out)
+            _write_mcap(recording, partial)
+        elif ending == ".bag":
+            _write_rosbag(recording, partial, ros1=True)
         else:
-            _write_rosbag(recording, out, ros1=ending == ".bag")
+            # The files of a ROS 2 bag are named after its folder, so it is written into one of the final name.
+            named = partial / out.name
+            partial.mkdir()
+            _write_rosbag(recording, named, ros1=False)
+            for file in named.iterdir():
+                file.rename(partial / file.name)
+            named.rmdir()
     except OSError as error:
         raise StorageFailed("out", "must be writable", f"{out}: {error}") from error
 
@@ -26,7 +38,7 @@ def type_store(ros1: bool) -> Any:
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise DependencyMissing("bag", "ROS bags and MCAP need rosbags: pip install 'endosdk[live]'", error) from error
+        raise DependencyMissing("bag", f"needs rosbags, which {must_install('live')}", error) from error
     return get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
 
 

@@ -19,7 +19,7 @@ from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
 
 UNFINISHED = ".unfinished"  # added to a file's name: the folder that it is made of
-FILES = (".mkv", ".mcap", ".bag")
+FILES = (".mkv", ".mcap", ".bag", ".ros2")  # a ROS 2 bag is a folder, made in one piece like the files
 
 
 def record(
@@ -35,9 +35,11 @@ def record(
 
     ``temporal`` is that of `DepthEstimator.stream`.
 
-    ``out`` is a folder, or a file that ends in one of `FILES`. What was begun there and stopped goes on. A source that
-    is live cannot be continued. Raises InvalidArgument, StorageFailed, SourceFailed; what was written stays.
+    ``out`` is a folder, or ends in one of `FILES`. What was begun there and stopped goes on. A source that is live
+    cannot be continued. Raises InvalidArgument, StorageFailed, SourceFailed; what was written stays.
     """
+    if most is not None and most < 1:
+        raise InvalidArgument("frames", "must be at least 1", most)
     is_file = out.suffix.lower() in FILES
     if is_file and out.exists():
         raise InvalidArgument("out", "must not exist yet", out)
@@ -45,6 +47,8 @@ def record(
     recorder = Recorder(folder, estimator, source, pictures=pictures, temporal=temporal)
     if recorder.frames and not recorder.complete and source.live:
         raise InvalidArgument("out", "must be new: a live source cannot be continued", out)
+    if recorder.complete and not recorder.source_ended and (most is None or most > recorder.frames):
+        raise InvalidArgument("out", f"must be new: it was ended after {recorder.frames} frames", out)
     if not recorder.complete:
         _fill(recorder, source, estimator, most, temporal)
     lines = [json.loads(line) for line in lines_of(folder)]
@@ -76,16 +80,18 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
     left = None if total is None else total - recorder.frames
     try:
         with progress(total=left, unit="frame") as bar:
-            for frame, result in answers(estimator, source.frames(recorder.next_number), reuse=True, temporal=temporal):
+            frames = source.frames(recorder.next_number) if left is None or left > 0 else ()
+            for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
                 recorder.add(frame, result)
                 bar.update()
                 done += 1
                 if done == left:
                     break
+            ended = left is None or done < left or total == source.count
     except BaseException:
         recorder.stop()  # nothing is lost: the same command goes on after it
         raise
-    recorder.close()
+    recorder.close(source_ended=ended)
 
 
 def export(recording: Recording, out: Path) -> None:
@@ -96,7 +102,7 @@ def export(recording: Recording, out: Path) -> None:
         else:
             from endosdk.live.recording.bags import write_bag
 
-            write_bag(recording, partial, out.suffix.lower())
+            write_bag(recording, partial, out)
 
 
 def _write_matroska(recording: Recording, out: Path) -> None:

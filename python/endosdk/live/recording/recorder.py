@@ -73,8 +73,14 @@ class Recorder:
             self._abandon(error)
             raise
 
-    def close(self) -> None:
+    @property
+    def source_ended(self) -> bool:
+        """Whether a complete recording has all of its source, and was not ended before."""
+        return bool(self._record.get("source_ended", True))
+
+    def close(self, *, source_ended: bool = True) -> None:
         """Finish the part in work and join all parts into one file of each kind."""
+        self._record["source_ended"] = source_ended
         self._end_part()
         if not self.complete and self.frames:
             self._join()

@@ -30,12 +30,14 @@ class Recording(Source):
     entry a frame, ``calibration`` is the rig.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
+        path = Path(path)
         super().__init__(str(path))
+        rule = "must be a folder or a .mkv file that endosdk run wrote"
         if not path.exists():
-            raise InvalidArgument(
-                "source", "must be a folder or file that endosdk run wrote", f"{path}, which is not there"
-            )
+            raise InvalidArgument("source", rule, f"{path}, which is not there")
+        if path.is_file() and not is_recording(path):
+            raise InvalidArgument("source", rule, path)
         try:
             text, lines = _attached(path) if path.is_file() else ((path / RECORD).read_text(), lines_of(path))
             record = json.loads(text)

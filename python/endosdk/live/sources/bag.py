@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, InvalidArgument, SourceFailed
+from endosdk.errors import DependencyMissing, InvalidArgument, SourceFailed, must_install
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.sources.source import Clock, Source
 
@@ -42,7 +42,7 @@ class Bag(Source):
             from rosbags.rosbag2 import ReaderError
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
-            raise DependencyMissing("source", "bags need rosbags: pip install 'endosdk[live]'", error) from error
+            raise DependencyMissing("source", f"a bag needs rosbags, which {must_install('live')}", error) from error
         try:
             reader = AnyReader([Path(self.word)], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, SourceFailed
+from endosdk.errors import DependencyMissing, SourceFailed, must_install
 from endosdk.live.frames import Picture
 from endosdk.live.sources.source import DEFAULT_RATE, Scan, stamp_of
 
@@ -36,7 +36,7 @@ def load_av() -> Any:
     try:
         import av
     except ImportError as error:
-        raise DependencyMissing("source", "videos and cameras need PyAV: pip install 'endosdk[live]'", error) from error
+        raise DependencyMissing("source", f"needs PyAV, which {must_install('live')}", error) from error
     av.logging.set_level(av.logging.PANIC)  # what matters is raised or noted
     return av
 

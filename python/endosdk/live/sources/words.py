@@ -25,6 +25,18 @@ def opened(word: str | Path | tuple[str | Path, str | Path], options: SourceOpti
     return source
 
 
+def two_folders(word: str | Path) -> tuple[Path, Path]:
+    """Return the folders of the left and the right views that a word names: LEFT,RIGHT, or one that holds both.
+
+    Raises InvalidArgument for any other source.
+    """
+    words = _parts(word)
+    left, right = (Path(words[0], side) for side in ("left", "right")) if len(words) == 1 else map(Path, words)
+    if not (left.is_dir() and right.is_dir()):
+        raise InvalidArgument("source", "must be LEFT,RIGHT, two folders, or a folder with left and right", str(word))
+    return left, right
+
+
 def _parts(word: object) -> list[str]:
     """Return the one or two names in a word. A file whose name has a comma is one."""
     words = [str(part) for part in word] if isinstance(word, tuple | list) else [str(word)]

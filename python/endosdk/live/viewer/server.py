@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from endosdk.errors import DependencyMissing, EndoError, InvalidArgument
+from endosdk.errors import DependencyMissing, EndoError, InvalidArgument, must_install
 from endosdk.live.viewer.measuring import measured
 from endosdk.live.viewer.message import encoded
 from endosdk.live.viewer.palette import legend
@@ -41,8 +41,7 @@ class Server:
         try:
             from aiohttp import web
         except ImportError as error:
-            rule = "the page needs aiohttp: pip install 'endosdk[live]'"
-            raise DependencyMissing("view", rule, error) from error
+            raise DependencyMissing("view", f"the page needs aiohttp, which {must_install('live')}", error) from error
         self._web = web
         self._player = player
         self._recordings = recordings
