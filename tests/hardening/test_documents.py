@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from endosdk import StereoCalibration
-from endosdk.errors import CalibrationUnreadable, InvalidCalibration, StorageFailed
+from endosdk.errors import CalibrationUnreadable, InvalidArgument, InvalidCalibration, StorageFailed
 from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import DEEPEST, parse_json, parse_opencv_xml, parse_yaml
 from tests.rigs import raw_rig
@@ -137,11 +137,12 @@ def test_a_name_that_is_not_utf8_is_read_like_any_other(tmp_path: Path) -> None:
 
 
 def test_saving_onto_a_device_leaves_the_device(tmp_path: Path) -> None:
-    link = tmp_path / "null"
+    link = tmp_path / "null.json"
     link.symlink_to("/dev/null")
-    for path in (Path("/dev/null"), link):
-        with pytest.raises(StorageFailed, match="regular file"):
-            RIG.save(path)
+    with pytest.raises(StorageFailed, match="regular file"):
+        RIG.save(link)
+    with pytest.raises(InvalidArgument, match="must end in one of"):
+        RIG.save("/dev/null")
     assert Path("/dev/null").is_char_device()
     assert link.is_symlink()
 
