@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
 from pathlib import Path
 
@@ -102,6 +103,14 @@ def test_pictures_without_a_board_are_skipped_and_too_few_are_refused(
     error = capsys.readouterr().err
     assert "left out    1.png, 1.png: no whole board" in error and "pairs: must be at least 3" in error
     assert not (tmp_path / "rig.json").exists()
+
+
+def test_boards_may_come_as_bare_pixels_on_standard_input(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "endosdk", "calibrate", "board", "-", "--raw", "gray:64x32", "--pattern", "5x4"]
+    words += ["--square-mm", "2", "--out", str(tmp_path / "rig.json")]
+    done = subprocess.run(words, input=bytes(3 * 64 * 32), capture_output=True, check=False)
+    assert done.returncode == 2
+    assert b"left out    3 frames: no whole board in either view" in done.stderr
 
 
 def test_a_picture_that_cannot_be_read_ends_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

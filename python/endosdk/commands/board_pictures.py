@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from endosdk.commands.options import parse_size
 from endosdk.commands.report import Report
+from endosdk.commands.sources import add_reading, opened_source
 from endosdk.errors import EndoError, InvalidArgument
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def add_board(parser: argparse.ArgumentParser) -> None:
         "source",
         nargs="+",
         help="LEFT_DIR RIGHT_DIR, folders whose names' numbers make the pairs; or one source as of `endosdk view`: a "
-        "video, /dev/videoN, LEFT,RIGHT",
+        "video, /dev/videoN, LEFT,RIGHT, - (standard input)",
     )
     parser.add_argument(
         "--pattern", metavar="CxR", required=True, help="columns x rows of inner corners, such as 14x10"
@@ -35,7 +36,7 @@ def add_board(parser: argparse.ArgumentParser) -> None:
         "--charuco", type=float, metavar="MM", help="side of a marker in mm (default: none, the board is a chessboard)"
     )
     parser.add_argument("--dictionary", default="4X4_50", help="set of markers, under OpenCV's name")
-    parser.add_argument("--layout", default="side-by-side", help="how one picture of a video holds two views")
+    add_reading(parser)
     parser.add_argument("--views", type=int, default=20, help="views to take from a video or a camera")
     parser.add_argument("--page", type=Path, metavar="FILE.html", help="report to write (default: none)")
     parser.add_argument(
@@ -113,13 +114,12 @@ def _from_source(args: argparse.Namespace, board: Board) -> tuple[list[BoardView
 
     Ctrl-C ends it with the views taken so far.
     """
-    from endosdk import open_source
     from endosdk.calibration.view_collector import ViewCollector
 
     collector: ViewCollector | None = None
     causes: dict[str, int] = {}
     guide = Guide()
-    with open_source(args.source[0], layout=args.layout) as source:
+    with opened_source(args, args.source[0]) as source:
         try:
             for frame in source:
                 if collector is None:

@@ -20,6 +20,11 @@ def add_source(parser: argparse.ArgumentParser) -> None:
         help="folder with left and right, LEFT,RIGHT (folders or videos), a video, /dev/videoN, - (standard input), "
         "a recording, a ROS bag",
     )
+    add_reading(parser)
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Declare how a source is read."""
     parser.add_argument(
         "--layout", choices=get_args(Layout), default="side-by-side", help="how one picture holds two views"
     )
@@ -45,11 +50,12 @@ def add_estimator(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def opened_source(args: argparse.Namespace) -> Source:
-    """Open the source that the arguments name."""
+def opened_source(args: argparse.Namespace, word: str | None = None) -> Source:
+    """Open the source that the arguments name, or ``word`` as they say."""
     from endosdk import open_source
 
-    return open_source(args.source, layout=args.layout, queue=args.queue, scan=args.scan, rate=args.rate, raw=args.raw)
+    name = args.source if word is None else word
+    return open_source(name, layout=args.layout, queue=args.queue, scan=args.scan, rate=args.rate, raw=args.raw)
 
 
 def made_estimator(args: argparse.Namespace) -> DepthEstimator:
