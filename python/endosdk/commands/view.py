@@ -78,6 +78,16 @@ def rerun_writer(path: Path, player: Player) -> Callable[[Shown], None]:
     def write(shown: Shown) -> None:
         rerun.set_time("frame", sequence=shown.frame.number)
         rerun.set_time("stamp", duration=shown.frame.stamp_ns / 1e9)
-        shown.result.to_rerun(player.left_view(shown))
+        result = shown.result
+        result.to_rerun(player.left_view(shown))
+        rerun.log("endosdk/camera/reasons", rerun.SegmentationImage(result.reasons))
+        causes = ", ".join(f"{cause.name} {measure:.3g}" for cause, measure in result.causes.items())
+        rerun.log("endosdk/status", rerun.TextLog(f"{result.status.name} {causes}".strip()))
+        plots = {"frames_per_second": shown.frames_per_second, "delay_ms": shown.delay_ms}
+        plots["valid_share"] = result.valid_share
+        if result.rig is not None:
+            plots["vertical_disparity_px"] = result.rig.vertical_disparity_px
+        for name, value in plots.items():
+            rerun.log(f"endosdk/plots/{name}", rerun.Scalars(value))
 
     return write
