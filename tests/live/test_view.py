@@ -210,3 +210,27 @@ def _check_measurements(browser, rig):
         assert found["unit"] == "mm"
         assert abs(found["value"] - true) < 3 * found["standard_error"] + 0.002 * true  # the click is whole pixels
         assert found["standard_error"] < 0.05 * true
+    _check_an_area(browser, click, point)
+
+
+def _check_an_area(browser, click, point):
+    """An outline drawn on the page has the area of the true surface on its plane."""
+    corners = [(500, 380), (660, 380), (660, 480), (500, 480)]
+    browser.run("document.querySelectorAll('.tool')[2].click()")
+    for x, y in corners[:-1]:
+        click(x, y)
+    click(*corners[-1], 2)
+    browser.wait("document.querySelectorAll('#measured li[data-values]').length === 3")
+    flat, relief = json.loads(browser.run("document.querySelectorAll('#measured li')[2].dataset.values"))
+    seen = np.array([point(x, y) for y in range(380, 481, 4) for x in range(500, 661, 4)])
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    centre = seen.mean(axis=0)
+    normal = np.linalg.svd(seen - centre)[2][2]
+    rays = np.array([point(x, y) / point(x, y)[2] for x, y in corners])
+    outline = rays * ((normal @ centre) / (rays @ normal))[:, None]
+    true = np.linalg.norm(sum(np.cross(outline[k - 1], outline[k]) for k in range(len(outline)))) / 2
+    assert flat["unit"] == "mm²"
+    assert abs(flat["value"] - true) < 3 * flat["standard_error"] + 0.02 * true
+    assert flat["standard_error"] < 0.2 * true
+    assert relief["unit"] == "mm"
+    assert 0 < relief["value"] < np.ptp((seen - centre) @ normal) + 3 * relief["standard_error"]
