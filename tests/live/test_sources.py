@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import endosdk
-from endosdk import DepthEstimator
+from endosdk import Cause, DepthEstimator
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.io.pictures import write_picture
 from endosdk.live.answers import answers
@@ -190,6 +190,29 @@ def test_start_in_the_middle(tmp_path):
 def test_tags_travel_with_the_frames(tmp_path):
     source = endosdk.open_source(folders(tmp_path / "p")).tagged(lambda frame: {"pose": frame.number * 2})
     assert [frame.tag for frame in source] == [{"pose": 2 * n} for n in range(5)]
+
+
+class Wall(Source):
+    """Two frames by the wall clock: taken ten seconds ago, and just now."""
+
+    clock = "wall"
+
+    def _read(self, start):
+        for number, age_s in enumerate((10.0, 0.0)):
+            yield Frame(*shifted_pair(64, 96, 4), number, time.time_ns() - int(age_s * 1e9))
+
+
+def test_frames_of_a_live_source_have_an_age():
+    estimator = DepthEstimator(str(TINY_MODEL), threads=1, max_age_ms=5000)
+    source = Wall("camera")
+    source.live = True
+    results = list(estimator.stream(source))
+    assert [Cause.STALE in result.causes for result in results] == [True, False]
+    assert 10_000 <= results[0].age_ms < 15_000 and 0 <= results[1].age_ms < 5000
+
+
+def test_frames_of_a_file_have_none():
+    assert {result.age_ms for result in DepthEstimator(str(TINY_MODEL), threads=1).stream(Wall("bag"))} == {None}
 
 
 class Fast(Source):

@@ -32,6 +32,10 @@ class StereoFrame(Protocol):
     def right(self) -> Any:
         """The right view."""
 
+    @property
+    def monotonic_ns(self) -> int | None:
+        """When it was taken, by the clock of ``time.monotonic_ns()``; None where nobody knows."""
+
 
 Drawn = tuple[Picture, Picture, int, Any]  # left, right, stamp_ns, the frame as the source yielded it
 
@@ -113,7 +117,7 @@ class Feeder:
         if item is _END or self._over:
             return None
         if isinstance(item, StereoFrame):
-            return *check_pair(item.left, item.right), check_stamp(None), item
+            return *check_pair(item.left, item.right), check_stamp(item.monotonic_ns), item
         if not isinstance(item, tuple | list) or len(item) not in (2, 3):
             rule = "must yield (left, right), (left, right, stamp_ns) or frames of open_source"
             raise InvalidArgument("source", rule, type(item).__name__)

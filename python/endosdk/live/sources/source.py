@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -80,10 +81,18 @@ class Source(ABC):
             if fault is not None:
                 self.note(f"frame {frame.number}: {fault}")
                 fault = _joined(frame.fault, fault)
-            frame = replace(frame, stamp_ns=stamp, fault=fault or frame.fault)
+            taken = frame.monotonic_ns or self._taken(stamp)
+            frame = replace(frame, stamp_ns=stamp, fault=fault or frame.fault, monotonic_ns=taken)
             if self._tagger is not None:
                 frame = replace(frame, tag=self._tagger(frame))
             yield frame
+
+    def _taken(self, stamp_ns: int) -> int | None:
+        """Turn a live source's stamp, of the wall clock, into one of the monotonic clock, from which ages follow."""
+        if not self.live or self.clock != "wall":
+            return None
+        now = time.monotonic_ns()
+        return min(now, max(1, now - (time.time_ns() - stamp_ns)))
 
     def tagged(self, tagger: Callable[[Frame], Any]) -> Self:
         """Let ``tagger`` attach a tag to every frame, such as the pose of a robot; return this source."""
