@@ -43,7 +43,7 @@ def test_own_file_round_trips_exactly(tmp_path: Path, rig: StereoCalibration) ->
 
 @pytest.mark.parametrize("name", ["rig.yaml", "rig.yml", "rig.xml", "rig.txt", "rig"])
 def test_own_file_is_known_by_its_content(tmp_path: Path, name: str) -> None:
-    (written,) = RIG.save(tmp_path / ("saved.yml" if name == "rig.yml" else "saved.json"))
+    (written,) = RIG.save(tmp_path / (f"saved-{name}" if name.endswith((".yaml", ".yml")) else "saved.json"))
     written.rename(tmp_path / name)
     assert load(tmp_path / name) == RIG
 

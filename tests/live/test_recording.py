@@ -210,7 +210,8 @@ def test_a_recording_that_frames_ended_is_not_taken_for_more(video, tmp_path, ca
     for few in ("0", "-3"):
         assert main([*words, "--frames", few]) == 2
         assert "frames: must be at least 1" in capsys.readouterr().err
-    assert main([*words, "--frames", "3"]) == main([*words, "--frames", "3"])
+    for _ in range(2):
+        assert main([*words, "--frames", "3"]) == 0
     assert main([*words, "--frames", "5"]) == 2
     assert "out: must be new: it was ended after 3 frames" in capsys.readouterr().err
 

@@ -1,11 +1,16 @@
 // Width and height of a picture in pixels.
 #pragma once
 
+#include <cstddef>
+
 namespace endosdk {
 
 struct Size {
   int width = 0;
   int height = 0;
 };
+
+// How many pixels that is.
+inline size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 }  // namespace endosdk

@@ -13,10 +13,6 @@ namespace {
 constexpr int block = 8;  // cells along a side
 constexpr int rows_per_task = 16;
 
-// Differences of disparity, in units of the error to be expected, up to which a cell counts in full, and from which on it does
-// not count.
-constexpr float agreeing = 8.0f, disagreeing = 16.0f;
-
 // The change that a camera makes: a constant, and what moving along and turning about each axis do, which is d, d x, d y and
 // d^2. Fitted to the blocks, again and again without those that disagree. Near surfaces pull harder at such a fit than far ones,
 // and a tool is near, so they count less.
@@ -40,8 +36,6 @@ constexpr float same_surface = 2.0f;  // network pixels between two blocks; thos
 constexpr float block_ridge = 4.0f;  // cells of an error of 1: blocks with few that agree change little
 
 float centred(int place, int count) { return static_cast<float>(2 * place + 1) / static_cast<float>(count) - 1.0f; }
-
-size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 }  // namespace
 

@@ -12,6 +12,10 @@
 
 namespace endosdk {
 
+// Differences of disparity, in units of the error to be expected, up to which what was before counts in full, and from which on
+// it does not count. They are wide: where the pictures agree, most of what differs is an error of the network.
+constexpr float agreeing = 8.0f, disagreeing = 16.0f;
+
 // Maps of one size, in network pixels.
 struct ChangingMaps {
   FloatView now;    // the frame's own disparity

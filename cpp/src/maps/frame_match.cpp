@@ -24,8 +24,6 @@ bool is_inside(Size size, float x, float y) {
   return x >= -0.5f && x <= static_cast<float>(size.width) - 0.5f && y >= -0.5f && y <= static_cast<float>(size.height) - 0.5f;
 }
 
-size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
-
 }  // namespace
 
 bool FrameMatch::next(const PlanarView& left, Size picture) {

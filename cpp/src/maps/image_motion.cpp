@@ -16,8 +16,6 @@ constexpr int cells = ImageMotion::patch * ImageMotion::patch;
 
 using Patch = std::array<float, cells>;
 
-size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
-
 // Two neighbours along one axis, and how far the position is from the first.
 struct Between {
   int first, second;

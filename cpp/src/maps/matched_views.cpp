@@ -17,8 +17,6 @@ constexpr int edge_cells = 1;  // from the edge of a field of view: these show b
 constexpr double one_in_a_thousand = 3.09;  // standard deviations
 constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 
-size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
-
 // White noise comes through a mask of 1 -2 1, both ways, six times as strong; of a normal law half of the values lie
 // within 0.6745 standard deviations. Texture hardly changes the median. What lies outside the field of view may have none.
 double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView& field, std::vector<uint16_t>& differences) {

@@ -14,9 +14,6 @@ namespace {
 constexpr float drift = 0.02f;
 constexpr float least_share = 0.07f;  // of a frame's own disparity, so that a wrong one is forgotten
 
-// Differences of disparity, in units of the error to be expected, up to which a former disparity counts in full, and from which
-// on it does not count. They are wide: where the pictures agree, most of what differs is an error of the network.
-constexpr float agreeing = 8.0f, disagreeing = 16.0f;
 constexpr float least_error = 0.8f, most_error = 6.0f;  // network pixels
 
 constexpr int rows_per_block = 16;
@@ -26,8 +23,6 @@ float expected_error(float confidence) {
   const float inside = std::clamp(confidence, 0.01f, 0.99f);
   return std::clamp(-1.0f / std::log(1.0f - inside), least_error, most_error);
 }
-
-size_t count_of(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 }  // namespace
 

@@ -23,6 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compute what is missing; the status is 1 where pictures, or the maps of a pair, cannot be used."""
     from endosdk import StereoCalibration
+    from endosdk.errors import InvalidArgument
     from endosdk.jobs.batch import PAIRS, Settings, find_pairs, run_batch
     from endosdk.live.sources.words import two_folders
 
@@ -32,6 +33,8 @@ def run(args: argparse.Namespace) -> int:
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
     settings = Settings(model=args.model, calibration=rig, **options)
     folders = two_folders(args.left) if args.right is None else (Path(args.left), Path(args.right))
+    if folders is None:
+        raise InvalidArgument("source", "must be LEFT,RIGHT, two folders, or a folder with left and right", args.left)
     pairs = find_pairs(*folders)
     try:
         record = run_batch(pairs, settings, args.out, workers=args.workers, ray=args.ray)

@@ -52,11 +52,12 @@ def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardC
     """Return the calibration, and why views were left out."""
     from endosdk.calibration.board import calibrate_views
     from endosdk.calibration.boards import Board
+    from endosdk.live.sources.words import two_folders
 
     board = Board(parse_size(args.pattern, "pattern", PATTERN_RULE), args.square_mm, args.charuco, args.dictionary)
     if len(args.source) > 2:
         raise InvalidArgument("source", "must be one source, or two folders", args.source)
-    folders = _two_folders(args.source)
+    folders = two_folders(args.source[0]) if len(args.source) == 1 else (Path(args.source[0]), Path(args.source[1]))
     views, size, left_out = _from_folders(folders, board) if folders else _from_source(args, board)
     _say_left_out(left_out)
     result = calibrate_views(views, size)
@@ -68,15 +69,6 @@ def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardC
 def _say_left_out(reasons: dict[str, str]) -> None:
     for name, cause in reasons.items():
         print(f"left out    {name}: {cause}", file=sys.stderr)
-
-
-def _two_folders(words: list[str]) -> tuple[Path, Path] | None:
-    """Return the folders of single pictures that the words name, however they do; None where they name a video."""
-    parts = words[0].split(",") if len(words) == 1 and words[0].count(",") == 1 else words
-    if len(parts) == 2 and (len(words) == 2 or all(Path(part).is_dir() for part in parts)):
-        return Path(parts[0]), Path(parts[1])
-    inside = Path(words[0]) / "left", Path(words[0]) / "right"
-    return inside if all(part.is_dir() for part in inside) else None
 
 
 def _from_folders(folders: tuple[Path, Path], board: Board) -> tuple[list[BoardView], tuple[int, int], dict[str, str]]:

@@ -42,8 +42,9 @@ def run(args: argparse.Namespace) -> int:
     player = Player(made_estimator(args), opened_source(args), playing=not args.paused, temporal=args.temporal)
     if args.rerun is not None:
         player.listeners.append(rerun_writer(args.rerun, player))
-        player.start()  # the file is wanted, whether a page is open or not
     server = Server(player, port=args.port, recordings=args.recordings)
+    if args.rerun is not None:
+        player.start()  # the file is wanted, whether a page is open or not
     print(json.dumps({"address": server.address}) if args.json else f"open       {server.address}", flush=True)
     if args.open:
         webbrowser.open(server.address)

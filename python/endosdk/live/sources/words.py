@@ -25,16 +25,11 @@ def opened(word: str | Path | tuple[str | Path, str | Path], options: SourceOpti
     return source
 
 
-def two_folders(word: str | Path) -> tuple[Path, Path]:
-    """Return the folders of the left and the right views that a word names: LEFT,RIGHT, or one that holds both.
-
-    Raises InvalidArgument for any other source.
-    """
+def two_folders(word: str | Path) -> tuple[Path, Path] | None:
+    """Return the folders of left and right views that a word names: LEFT,RIGHT, or one that holds both; else None."""
     words = _parts(word)
     left, right = (Path(words[0], side) for side in ("left", "right")) if len(words) == 1 else map(Path, words)
-    if not (left.is_dir() and right.is_dir()):
-        raise InvalidArgument("source", "must be LEFT,RIGHT, two folders, or a folder with left and right", str(word))
-    return left, right
+    return (left, right) if left.is_dir() and right.is_dir() else None
 
 
 def _parts(word: object) -> list[str]:
@@ -78,10 +73,11 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
 
 
 def _opened_folder(path: Path, options: SourceOptions) -> Source:
-    if (path / "left").is_dir() and (path / "right").is_dir():
+    folders = two_folders(path)
+    if folders is not None:
         from endosdk.live.sources.folders import Folders
 
-        return Folders(path / "left", path / "right", options)
+        return Folders(*folders, options)
     raise InvalidArgument("source", f"{RULE}; this folder is none of them", repr(str(path)))
 
 
