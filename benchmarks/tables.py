@@ -313,17 +313,18 @@ def temporal_table() -> str:
 def measuring_table() -> str:
     """How often the intervals of measures hold the truth, and how far the measures are off."""
     labels = {"depth": "depth of a point", "distance": "distance from edge to edge", "area": "area", "relief": "relief"}
-    found = _record("accuracy/measuring")["both"]
+    record = _record("accuracy/measuring")
+    columns = {**{name: found["all"] for name, found in record["sets"].items()}, "together": record["all"]}
     rows = [
         [
             label,
-            str(found[kind]["measurements"]),
-            _percent(found[kind]["within_95"]),
-            _percent(found[kind]["median_relative_error"]),
+            str(record["all"][kind]["measurements"]),
+            *(_percent(found[kind]["within_95"]) for found in columns.values()),
+            _percent(record["all"][kind]["median_relative_error"]),
         ]
         for kind, label in labels.items()
     ]
-    return _table(["measured", "times", "truth within the interval of 95 %", "median error"], rows)
+    return _table(["measured", "times", *(f"within, {name}" for name in columns), "median error"], rows)
 
 
 def range_end_table() -> str:

@@ -1,6 +1,7 @@
 """Whether the 95 % intervals of lengths, depths and areas hold the true sizes of rendered polyps and instruments.
 
-    python -m benchmarks.accuracy.measuring --data sets/endosim-gi --json benchmarks/results/accuracy/measuring.json
+    python -m benchmarks.accuracy.measuring --data sets/endosim-gi sets/endosim-lap \
+        --json benchmarks/results/accuracy/measuring.json
 
 The scene of each pair is built again without the object: where the truth is nearer, the object is. On each object
 depths, spans from edge to edge and the area inside its outline are measured in the model's answer and in the truth, at
@@ -12,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,11 @@ from endosdk.io.whole_files import write_json
 from endosdk.measure import Measured, area, distance, point_at
 from endosdk.runtime.models import read_model
 from endosdk.simulation.camera import Pose, StereoCamera, rectified_pair
+from endosdk.simulation.organ import SHARED_BY
+from endosdk.simulation.organs import Part
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.renderer import Renderer
+from endosdk.simulation.rigs import SceneRig
 from endosdk.simulation.sample import load_scene
 from endosdk.simulation.scene import draw_scene
 from endosdk.simulation.shapes import Blob
@@ -43,25 +47,29 @@ LEAST_PIXELS = 1500
 INSET_PX = 4  # from the outline: a person points at the object, and not at its edge
 SPANS = POINTS = 12  # on each object
 KINDS = ("polyp", "instrument")
+RIG_FACTS = ("centre", "span", "farthest", "nearest", "limit")
 
 
 def objects(renderer: Renderer, sample: Sample) -> Iterator[tuple[str, Mask]]:
-    """Yield the polyps together, and the instrument, as masks of the left view."""
-    scene = draw_scene(int(sample.id), sample.info["organ"])
-    polyps = tuple(part for part in scene.parts if isinstance(part.shape, Blob))
+    """Yield the polyps together, and the instruments together, as masks of the left view."""
     drawn = sample.info["scene"]
-    here = {"polyp": bool(polyps) and scene.organ == "intestine", "instrument": drawn["instrument"] is not None}
+    rig = sample.info.get("rig")  # of sets whose scenes have rigs of their own; their neighbours look at one organ
+    seed = int(sample.id)
+    scene = draw_scene(seed - seed % SHARED_BY if rig else seed, sample.info["organ"])
+    polyps = tuple(part for part in scene.parts if isinstance(part.shape, Blob))
+    tools = bool(sample.info["tools"]) if rig else drawn["instrument"] is not None
+    here = {"polyp": bool(polyps) and scene.organ == "intestine", "instrument": tools}
+    if not any(here.values()):
+        return
     size = sample.disparity.shape[1], sample.disparity.shape[0]
     camera = StereoCamera(*size, sample.focal_px, sample.baseline_mm)
-    pair = rectified_pair(camera)
+    pair = SceneRig(camera, *(rig[name] for name in RIG_FACTS)).pair() if rig else rectified_pair(camera)
     pose = Pose(*(np.array(drawn["pose"][name]) for name in ("position", "axes")))
 
-    def behind(parts: tuple[Any, ...]) -> NDArray[np.float32]:
+    def behind(parts: tuple[Part, ...]) -> NDArray[np.float32]:
         load_scene(renderer, replace(scene, parts=parts, instrument=None), camera, painted=False)
         return pair.disparity(renderer.depth(pair.left, pose, drawn["scale"]))
 
-    if not any(here.values()):
-        return
     without_tool = behind(scene.parts)
     tool = sample.disparity > NEARER * without_tool
     off = float(np.nanmax(np.abs(sample.disparity - without_tool)[~tool]))
@@ -86,6 +94,8 @@ def pieces(mask: Mask) -> Iterator[Mask]:
 def spans(piece: Mask, rng: np.random.Generator) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
     """Yield pairs of pixels (x, y): the ends of a piece along random directions through its middle."""
     rows, columns = np.nonzero(piece)
+    if not len(rows):
+        return
     at = np.column_stack([columns, rows])
     away = at - at.mean(axis=0)
     for turn in rng.uniform(0, np.pi, SPANS):
@@ -120,11 +130,8 @@ def measurements(
     for i in rng.integers(len(rows), size=POINTS if len(rows) else 0):
         x, y = int(columns[i]), int(rows[i])
         yield "depth", point_at(result, x, y).depth, point_at(truth, x, y).depth
-    for p, q in spans(piece, rng):
-        try:
-            yield "distance", distance(result, p, q), distance(truth, p, q)
-        except InvalidArgument:
-            continue
+    for p, q in spans(piece & np.isfinite(result.depth), rng):
+        yield "distance", distance(result, p, q), distance(truth, p, q)
     try:
         found, true = area(result, outline(piece)), area(truth, outline(piece))
     except InvalidArgument:
@@ -151,46 +158,66 @@ def table(scores: list[tuple[bool, float, float]]) -> dict[str, float]:
     }
 
 
+Scores = dict[str, dict[str, list[tuple[bool, float, float]]]]  # by kind of object and by what is measured
+
+
+def measure_set(renderer: Renderer, root: Path, model: str, rng: np.random.Generator) -> tuple[dict[str, int], Scores]:
+    """Measure on every object of a set; return how many there are and the scores."""
+    counts = dict.fromkeys(KINDS, 0)
+    scores: Scores = {kind: defaultdict(list) for kind in KINDS}
+    for sample in open_dataset(root, "test"):
+        found = [(kind, piece) for kind, mask in objects(renderer, sample) for piece in pieces(mask)]
+        if not found:
+            continue
+        size = sample.disparity.shape[1], sample.disparity.shape[0]
+        rig = StereoCalibration.rectified(focal_px=sample.focal_px, baseline_mm=sample.baseline_mm, size=size)
+        with DepthEstimator(model, calibration=rig, threads=1) as estimator:
+            result = estimator.predict(sample.left, sample.right)
+        truth = with_true_depth(result, sample.disparity)
+        for kind, piece in found:
+            counts[kind] += 1
+            for name, measured, true in measurements(result, truth, piece, rng):
+                scores[kind][name].append(score(measured, true))
+        print(sample.id, counts, flush=True)
+    return counts, scores
+
+
+def together(parts: Iterable[dict[str, list[tuple[bool, float, float]]]]) -> dict[str, dict[str, float]]:
+    """Return the tables of all scores in one."""
+    joined = defaultdict(list)
+    for part in parts:
+        for name, values in part.items():
+            joined[name] += values
+    return {name: table(values) for name, values in joined.items()}
+
+
 def main() -> None:
     """Measure and write the record."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--data", type=Path, nargs="+", required=True)
     parser.add_argument("--model", default="fast")
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
     renderer = Rasteriser()
     rng = np.random.default_rng(0)
-    reader = open_dataset(args.data, "test")
-    scores: dict[str, dict[str, list[tuple[bool, float, float]]]] = {kind: defaultdict(list) for kind in KINDS}
-    counts = dict.fromkeys(KINDS, 0)
-    estimator: DepthEstimator | None = None
-    for sample in reader:
-        if estimator is None:
-            size = sample.disparity.shape[1], sample.disparity.shape[0]
-            rig = StereoCalibration.rectified(focal_px=sample.focal_px, baseline_mm=sample.baseline_mm, size=size)
-            estimator = DepthEstimator(args.model, calibration=rig, threads=1)
-        for kind, mask in objects(renderer, sample):
-            for piece in pieces(mask):
-                result = estimator.predict(sample.left, sample.right)
-                truth = with_true_depth(result, sample.disparity)
-                counts[kind] += 1
-                for name, found, true in measurements(result, truth, piece, rng):
-                    scores[kind][name].append(score(found, true))
-        print(sample.id, counts, flush=True)
-    together = defaultdict(list)
-    for kind in KINDS:
-        for name, values in scores[kind].items():
-            together[name] += values
+    sets: dict[str, Any] = {}
+    every: list[dict[str, list[tuple[bool, float, float]]]] = []
+    for root in args.data:
+        counts, scores = measure_set(renderer, root, args.model, rng)
+        kinds = {kind: together([scores[kind]]) for kind in KINDS if counts[kind]}
+        sets[root.name] = {"objects": counts, **kinds, "all": together(scores.values())}
+        every += scores.values()
     record = {
-        "objects": counts,
-        **{kind: {name: table(values) for name, values in scores[kind].items()} for kind in KINDS},
-        "both": {name: table(values) for name, values in together.items()},
-        "command": f"python -m benchmarks.accuracy.measuring --data sets/{args.data.name} --model {args.model}",
+        "sets": sets,
+        "all": together(every),
+        "command": "python -m benchmarks.accuracy.measuring --data "
+        + " ".join(f"sets/{root.name}" for root in args.data)
+        + f" --model {args.model}",
         "model_sha256": read_model(args.model).sha256,
         "machine": machine_record(),
     }
     write_json(args.json, record)
-    print(json.dumps({name: record[name] for name in (*KINDS, "both")}, indent=1))
+    print(json.dumps({"sets": sets, "all": record["all"]}, indent=1))
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ def path_length(result: DepthResult, pixels: Array) -> tuple[float, float]:
     columns, rows = np.rint(pixels).astype(int).T
     rays = sights(result, pixels)
     errors = standard_errors(result, rows, columns)
-    covariance = 0.69 * np.outer(errors, errors) * correlation(result, pixels, 0.021)
+    covariance = 0.45 * np.outer(errors, errors) * correlation(result, pixels, 0.021)
     steps = np.diff(rays * result.depth[rows, columns].astype(float)[:, None], axis=0)
     slope, variance = np.zeros(len(pixels)), 0.0
     for i, step in enumerate(steps):
@@ -64,7 +64,7 @@ def area(result: DepthResult, polygon: Array) -> tuple[float, float, float, floa
     weight = depth[some] ** 2 / errors[some]
     fitted = np.linalg.pinv(np.column_stack([np.ones(count), pixels[some] - origin]) * weight[:, None])
     plane = fitted @ (weight / depth[some])
-    covariance = fitted @ correlation(result, pixels[some], 0.027) @ fitted.T
+    covariance = fitted @ correlation(result, pixels[some], 0.05) @ fitted.T
 
     def flat(terms: Array) -> float:
         points = sights(result, corners) / (terms[0] + (corners - origin) @ terms[1:])[:, None]

@@ -428,7 +428,7 @@ ENDO_API endo_status endo_point_at(const endo_calibration *calibration, const en
 ENDO_API endo_status endo_path_length(const endo_calibration *calibration, const endo_result *result, const double *pixels,
                                       size_t count, endo_measured *length);
 
-/* What lies inside a polygon of 3 to 10,000 pixels that does not cross itself. */
+/* What lies inside a polygon of 3 to 10,000 pixels that does not cross itself and holds depth on half of its pixels. */
 ENDO_API endo_status endo_area_inside(const endo_calibration *calibration, const endo_result *result, const double *pixels,
                                       size_t count, endo_area *area);
 

@@ -9,7 +9,7 @@ namespace endosdk {
 namespace {
 
 // L of the mean over a whole surface, longer than that of two pixels: a weak part of the errors goes on over an object.
-constexpr double plane_correlation_share = 0.027;
+constexpr double plane_correlation_share = 0.05;
 
 constexpr size_t most_corners = 10'000;  // of a polygon
 
@@ -189,8 +189,10 @@ MeasuredArea area(const MeasuredMaps& maps, const std::vector<Point>& polygon) {
   int64_t total = 0;
   const std::vector<Seen> seen = pixels_inside(maps, polygon, total);
   require(seen.size() >= least_area_pixels, "polygon", Text("must hold ", least_area_pixels, " pixels with depth or more"), seen.size());
+  const double coverage = static_cast<double>(seen.size()) / static_cast<double>(total);
+  require(coverage >= least_area_coverage, "polygon", "must hold depth on half of its pixels or more", coverage);
   const Plane plane = fit(seen, plane_correlation_share * maps.size.width);
-  return {flat(maps, polygon, plane), relief(maps, seen, plane), static_cast<double>(seen.size()) / static_cast<double>(total)};
+  return {flat(maps, polygon, plane), relief(maps, seen, plane), coverage};
 }
 
 }  // namespace endosdk

@@ -8,6 +8,7 @@
 namespace endosdk {
 
 constexpr int least_area_pixels = 30;  // with depth, for a plane
+constexpr double least_area_coverage = 0.5;  // with less, the plane is a guess at what nobody saw
 
 // What a polygon encloses. `flat`, mm squared, is the area of its outline on the plane that fits the surface inside best:
 // what a ruler on a print of it would give. `relief`, mm, is how far the surface reaches from its lowest to its highest place
@@ -18,7 +19,8 @@ struct MeasuredArea {
   double coverage = 0.0;
 };
 
-// A pixel is inside when its centre is. Refuses polygons that leave the map or cross themselves, or hold too few pixels with depth.
+// A pixel is inside when its centre is. Refuses polygons that leave the map, cross themselves or hold too
+// few pixels with depth.
 MeasuredArea area(const MeasuredMaps& maps, const std::vector<Point>& polygon);
 
 }  // namespace endosdk

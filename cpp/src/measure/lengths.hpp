@@ -20,7 +20,7 @@ namespace endosdk {
 // L as a share of the map's width, and the mean square of errors in units of that of the standard error: fitted on rendered
 // training scenes, where the error of each pixel is known.
 constexpr double correlation_share = 0.021;
-constexpr double mean_square_share = 0.69;
+constexpr double mean_square_share = 0.45;
 
 // The maps of one frame and the camera that they belong to. Reasons may be null.
 struct MeasuredMaps {

@@ -1,7 +1,7 @@
 """Points and lengths with their standard errors.
 
 The standard error of a depth is the standard deviation of a Laplace law whose scale is `DepthResult.sigma`, 1.41 times
-that: its interval of 95 % holds. In a length the mean square of errors counts, 0.69 of that of standard errors. Errors
+that: its interval of 95 % holds. In a length the mean square of errors counts, 0.45 of that of standard errors. Errors
 of two pixels are correlated: the network looks at windows, so what misleads it at one pixel misleads it nearby. The
 correlation taken here is ``exp(-r / L)`` at r pixels of the map, L 2.1 % of its width. Errors of the calibration are in
 neither: they scale or bend all lengths together.
