@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "geometry/median.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -96,9 +98,7 @@ double PoseMeasurements::scatter(const PoseVector& step) {
   for (size_t i = 0; i < rest_.size(); ++i) {
     if (weight_[i] > 0.0f && seen++ % every == 0) sorted_.push_back(std::abs(left_over(i, step)));
   }
-  const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
-  std::nth_element(sorted_.begin(), middle, sorted_.end());
-  return std::max(normal_law * static_cast<double>(*middle), least_scatter);
+  return std::max(normal_law * static_cast<double>(median(sorted_)), least_scatter);
 }
 
 void PoseMeasurements::add_up(const PoseVector& step, Robust robust, double limit, PoseMatrix& normal, PoseVector& side) const {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/median.hpp"
 #include "maps/image_motion.hpp"
 #include "maps/ramp.hpp"
 #include "platform/threads.hpp"
@@ -182,9 +183,7 @@ DisparityChange::Block DisparityChange::sums_around(int x, int y) const {
 float DisparityChange::median_size(const std::vector<float>& values) {
   sorted_.resize(values.size());
   for (size_t i = 0; i < values.size(); ++i) sorted_[i] = std::abs(values[i]);
-  const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
-  std::nth_element(sorted_.begin(), middle, sorted_.end());
-  return *middle;
+  return median(sorted_);
 }
 
 DisparityChange::Terms DisparityChange::terms_of(float disparity, float x, float y) {

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "geometry/median.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -26,12 +28,6 @@ void for_border(Size size, Visit visit) {
     visit(y * size.width);
     visit(y * size.width + size.width - 1);
   }
-}
-
-float median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 const uint8_t* first_of(const uint8_t* begin, const uint8_t* end, uint8_t mark) {

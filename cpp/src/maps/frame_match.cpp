@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "geometry/median.hpp"
 #include "maps/ramp.hpp"
 #include "platform/threads.hpp"
 
@@ -44,13 +45,12 @@ void FrameMatch::compare() {
   const Gains gains = read_residuals();
   smooth_residuals();
   sorted_ = residual_;
-  const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
-  std::nth_element(sorted_.begin(), middle, sorted_.end());
-  if (*middle > cut) {
+  const float typical = median(sorted_);
+  if (typical > cut) {
     std::fill(agreement_.begin(), agreement_.end(), 0.0f);
     return;
   }
-  const float noise = std::clamp(*middle, least_noise, most_noise);
+  const float noise = std::clamp(typical, least_noise, most_noise);
   const Size size = this->size();
   const auto judge_rows = [&](int begin, int end, int) {
     for (int y = begin; y < end; ++y) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "geometry/median.hpp"
 #include "kernels/kernels.hpp"
 #include "platform/threads.hpp"
 
@@ -240,13 +241,11 @@ void ImageMotion::smooth() {
 }
 
 ImageMotion::Shift ImageMotion::middle() {
-  const auto median = [this](const std::vector<float>& values) {
+  const auto of = [this](const std::vector<float>& values) {
     former_x_ = values;
-    const auto middle = former_x_.begin() + static_cast<ptrdiff_t>(former_x_.size() / 2);
-    std::nth_element(former_x_.begin(), middle, former_x_.end());
-    return *middle;
+    return median(former_x_);
   };
-  return {median(x_), median(y_)};
+  return {of(x_), of(y_)};
 }
 
 ImageMotion::Shift ImageMotion::at(float x, float y) const {

@@ -49,20 +49,24 @@ def run(args: argparse.Namespace) -> int:
     if args.open:
         webbrowser.open(server.address)
     told = None
+
+    def tell() -> None:
+        nonlocal told
+        if player.error is not None and player.error is not told:
+            told = player.error
+            print(f"endosdk view: {told}", file=sys.stderr, flush=True)
+
     try:
         while True:
             time.sleep(0.5)
-            if player.error is not None and player.error is not told:
-                told = player.error
-                print(f"endosdk view: {told}", file=sys.stderr, flush=True)
+            tell()
     except KeyboardInterrupt:
         pass
     finally:
         server.close()
         player.close()
-    if player.error is not None:
-        raise player.error
-    return 0
+    tell()
+    return int(player.error is not None)
 
 
 def rerun_writer(path: Path, player: Player) -> Callable[[Shown], None]:
