@@ -49,7 +49,7 @@ if(BUILD_SHARED_LIBS)
   target_link_libraries(endosdk PRIVATE endosdk_core ${CMAKE_DL_LIBS} endosdk_flags)
   if(CMAKE_SYSTEM_NAME STREQUAL Linux)
     set(export_map ${CMAKE_CURRENT_SOURCE_DIR}/endosdk.map)
-    target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map} LINKER:--exclude-libs,ALL)
+    target_link_options(endosdk PRIVATE LINKER:--version-script,${export_map})
     set_target_properties(endosdk PROPERTIES LINK_DEPENDS ${export_map})
     # Its worker threads sleep between frames and never end; dlclose must not take the code away from under them.
     target_link_options(endosdk PRIVATE LINKER:-z,nodelete)

