@@ -285,6 +285,7 @@ endo_status endo_stream_set_temporal(endo_stream* stream, int32_t temporal) {
 
 endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, const endo_image* right,
                                endo_result* result) {
+  const endosdk::Clock::time_point asked = endosdk::Clock::now();
   endosdk::ResultWriter writer;
   const endo_status status = guarded([&] {
     writer.accept(result);
@@ -296,7 +297,7 @@ endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, cons
     const size_t slot = static_cast<size_t>(stream->submitted % stream->writers.size());
     stream->writers[slot] = writer;
     stream->results[slot] = result;
-    stream->stream->submit(pair, writer.maps(), &stream->writers[slot]);
+    stream->stream->submit(pair, writer.maps(), &stream->writers[slot], asked);
     ++stream->submitted;
   });
   if (status != ENDO_OK) writer.write_failure();

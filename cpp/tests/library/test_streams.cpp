@@ -213,6 +213,30 @@ void late_counts_the_wait_for_others(const Places& at) {
   CHECK(late_by_waiting_alone);
 }
 
+void late_counts_the_wait_for_room(const Places& at) {
+  endo_options options = default_options(at);
+  options.deadline_ms = 200.0;
+  const Opened estimator(at, options);
+  const OpenedStream stream(estimator);
+  const Pair pair(width, height, 9);
+  Output first(pixels);
+  Output second(pixels);
+  CHECK(stream.submit(pair, first.result) == ENDO_OK);
+  std::atomic<bool> submitting{false};
+  std::thread slow_consumer([&] {
+    while (!submitting) std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));
+    endo_result* result = nullptr;
+    for (const Output* wanted : {&first, &second}) {
+      CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &wanted->result);
+    }
+  });
+  submitting = true;
+  CHECK(stream.submit(pair, second.result) == ENDO_OK);
+  slow_consumer.join();
+  CHECK(second.result.late == 1 && (second.result.causes & 1u << ENDO_CAUSE_LATE) != 0);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -224,4 +248,5 @@ int main(int argc, char** argv) {
   closing_waits_for_the_frame_that_runs(at);
   reports_do_not_wait_for_frames(at);
   late_counts_the_wait_for_others(at);
+  late_counts_the_wait_for_room(at);
 }
