@@ -280,7 +280,8 @@ typedef struct endo_identity {
     char device[72];                  /* the processor of this machine, by its maker's name */
 } endo_identity;
 
-/* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it.
+/* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it. They must be aligned
+   to their type, and overlap neither each other nor a picture of the call nor a map of a frame in flight.
    When endo_predict fails after it accepted this struct, every pixel reads as one without an answer. */
 typedef struct endo_result {
     uint32_t struct_size;
