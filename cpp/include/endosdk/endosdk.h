@@ -41,7 +41,7 @@ be freed. An estimator is yours from endo_open_* to endo_close.
 
 Threads. Calls on one estimator may come from any thread and run one after the other, in the order in which they came;
 endo_cancel and endo_get_diagnostics do not wait. Two estimators work in parallel. endo_last_error belongs to the calling
-thread.
+thread. A thread that calls the library needs 256 KB of stack.
 
 Errors. A function that can fail returns a status, and endo_last_error() says which argument broke which rule with what
 value. A failed call leaves the estimator as it was, and usable. No exception and no abort leaves this library.
