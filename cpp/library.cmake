@@ -28,6 +28,7 @@ add_library(
   src/library/guarded.cpp
   src/library/log_reader.cpp
   src/library/ort_session.cpp
+  src/library/results_in_flight.cpp
   src/library/runtime.cpp
   src/library/session_interface.cpp
   ${build_info})

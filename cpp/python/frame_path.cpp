@@ -65,13 +65,14 @@ class PythonStream {
   }
 
   void submit(const py::array& left, const py::array& right, const py::tuple& maps, int64_t stamp_ns) {
+    const Clock::time_point asked = Clock::now();
     FramePair pair = pair_of(left, right, order_);
     pair.stamp_ns = stamp_ns;
     const MapsOut out = maps_out(maps, stream_->frame_size());
     in_flight_.push_back(maps);
     try {
       const py::gil_scoped_release release;
-      stream_->submit(pair, out, nullptr);
+      stream_->submit(pair, out, nullptr, asked);
     } catch (...) {
       in_flight_.pop_back();
       throw;

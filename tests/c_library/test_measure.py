@@ -108,6 +108,30 @@ def test_what_cannot_be_measured_is_refused(library, measured):
     assert b"point.struct_size" in library.endo_last_error()
 
 
+def test_a_result_that_no_call_would_write_is_not_read(library, measured):
+    rig, _, result = measured
+    numbers, point, length, inside = c.Calibration.of(rig), made(Point), made(Measured), made(Area)
+    outline = doubles(PIXELS), c_size_t(len(PIXELS))
+
+    def refused(rule: bytes, **changes: int) -> None:
+        bad = c.Result.from_buffer_copy(result)
+        for name, value in changes.items():
+            setattr(bad, name, value)
+        head = byref(numbers), byref(bad)
+        for status in (
+            library.endo_point_at(*head, c_double(30), c_double(20), byref(point)),
+            library.endo_path_length(*head, *outline, byref(length)),
+            library.endo_area_inside(*head, *outline, byref(inside)),
+        ):
+            assert (status, rule in library.endo_last_error()) == (1, True), library.endo_last_error()
+
+    refused(b"depth: must be aligned to 4 bytes; got 1 too far", depth=result.depth + 1)
+    refused(b"sigma: must be aligned to 4 bytes; got 2 too far", sigma=result.sigma + 2)
+    refused(b"must not lie in the memory of", reasons=result.depth)
+    refused(b"result.reserved: must be 0; got 1", reserved=1)
+    refused(b"result.reserved2: must be 0; got -1", reserved2=-1)
+
+
 @pytest.mark.parametrize("alpha", [0.0, 1.0])
 def test_pixels_both_ways_q_and_region(library, alpha):
     rig = raw_rig()

@@ -41,7 +41,7 @@ be freed. An estimator is yours from endo_open_* to endo_close.
 
 Threads. Calls on one estimator may come from any thread and run one after the other, in the order in which they came;
 endo_cancel and endo_get_diagnostics do not wait. Two estimators work in parallel. endo_last_error belongs to the calling
-thread.
+thread. A thread that calls the library needs 256 KB of stack.
 
 Errors. A function that can fail returns a status, and endo_last_error() says which argument broke which rule with what
 value. A failed call leaves the estimator as it was, and usable. No exception and no abort leaves this library.
@@ -280,7 +280,8 @@ typedef struct endo_identity {
     char device[72];                  /* the processor of this machine, by its maker's name */
 } endo_identity;
 
-/* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it.
+/* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it. They must be aligned
+   to their type, and overlap neither each other nor a picture of the call nor a map of a frame in flight.
    When endo_predict fails after it accepted this struct, every pixel reads as one without an answer. */
 typedef struct endo_result {
     uint32_t struct_size;

@@ -49,9 +49,8 @@ bool Stream::wait_for_room() {
   return !ended_ && !closed_;
 }
 
-void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag) {
+void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag, Clock::time_point asked) {
   path_->process().check();
-  const Clock::time_point asked = Clock::now();
   path_->check_open();
   check_pair(pair);
   path_->check_stamp(pair);

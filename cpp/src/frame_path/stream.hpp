@@ -41,7 +41,8 @@ class Stream {
   bool wait_for_room();
 
   // Hands a frame over and returns once it was read; its maps must live until it is received, with `tag`. Waits for room.
-  void submit(const FramePair& pair, const MapsOut& maps, void* tag);
+  // `asked` is when the caller called: what he waited since then counts towards the deadline.
+  void submit(const FramePair& pair, const MapsOut& maps, void* tag, Clock::time_point asked);
 
   struct Answer {
     FrameReport report;

@@ -58,6 +58,8 @@ struct endo_stream {
   // Of the frames in flight, and of the one that is being received.
   std::vector<endosdk::ResultWriter> writers;
   std::vector<endo_result*> results;
+  // Shared with the writers, which may end after it.
+  std::shared_ptr<endosdk::ResultsInFlight> in_flight;
   endosdk::OwnProcess process{};
   endosdk::FairLock submitting{};
   endosdk::FairLock receiving{};
@@ -211,6 +213,7 @@ endo_status endo_predict(endo_estimator* estimator, const endo_image* left, cons
     writer.accept(result);
     with(estimator, [&](FramePath& path) {
       const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
+      writer.check_apart(pair);
       writer.check_capacity(pair.size());
       writer.write(path.predict(pair, writer.maps()));
     });
@@ -270,7 +273,7 @@ endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t h
       const size_t slots = static_cast<size_t>(opened->lanes()) + 1;
       if (frames_in_flight != nullptr) *frames_in_flight = opened->lanes();
       *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots),
-                                std::vector<endo_result*>(slots)};
+                                std::vector<endo_result*>(slots), std::make_shared<endosdk::ResultsInFlight>(slots)};
     });
   });
 }
@@ -285,18 +288,20 @@ endo_status endo_stream_set_temporal(endo_stream* stream, int32_t temporal) {
 
 endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, const endo_image* right,
                                endo_result* result) {
+  const endosdk::Clock::time_point asked = endosdk::Clock::now();
   endosdk::ResultWriter writer;
   const endo_status status = guarded([&] {
-    writer.accept(result);
     const Call call(stream, "stream");
+    writer.accept(result, stream->in_flight);
     const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
+    writer.check_apart(pair);
     writer.check_capacity(pair.size());
     const std::lock_guard lock(stream->submitting);
     endosdk::require(stream->stream->wait_for_room(), "stream", "must not have ended", "an ended one");
     const size_t slot = static_cast<size_t>(stream->submitted % stream->writers.size());
     stream->writers[slot] = writer;
     stream->results[slot] = result;
-    stream->stream->submit(pair, writer.maps(), &stream->writers[slot]);
+    stream->stream->submit(pair, writer.maps(), &stream->writers[slot], asked);
     ++stream->submitted;
   });
   if (status != ENDO_OK) writer.write_failure();

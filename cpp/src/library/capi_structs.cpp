@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "geometry/pose_filter.hpp"
 #include "maps/reasons.hpp"
@@ -131,6 +132,18 @@ ChannelOrder order_of(int32_t format) {
   return format == ENDO_BGR8 ? ChannelOrder::bgr : ChannelOrder::rgb;
 }
 
+MapsOut maps_of(const endo_result& result) {
+  return {result.disparity, result.confidence,    result.depth,    result.sigma,
+          result.reasons,   result.disparity_u16, result.depth_u16};
+}
+
+// From its first row to its last, whichever comes first.
+Memory memory_of(const ImageView& image, const char* name) {
+  const auto begin = reinterpret_cast<uintptr_t>(std::min(image.row(0), image.row(image.height - 1)));
+  const auto last = reinterpret_cast<uintptr_t>(std::max(image.row(0), image.row(image.height - 1)));
+  return {name, begin, last + static_cast<uintptr_t>(image.width) * static_cast<uintptr_t>(image.channels)};
+}
+
 }  // namespace
 
 void write_default_options(endo_options* options, size_t struct_size) {
@@ -203,16 +216,31 @@ FramePair frame_pair(const endo_image* left, const endo_image* right) {
   return pair;
 }
 
-endo_result read_result(const endo_result* result) { return read_struct(result, first_result, "result"); }
-
-void ResultWriter::accept(endo_result* result) {
-  known_ = read_struct(result, first_result, "result");
+endo_result read_result(const endo_result* result) {
+  const endo_result known = read_struct(result, first_result, "result");
   constexpr uint64_t most = std::numeric_limits<int32_t>::max();
-  require_argument(known_.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known_.capacity);
-  require_argument(known_.reserved == 0, "result.reserved", "must be 0", known_.reserved);
-  require_argument(known_.reserved2 == 0, "result.reserved2", "must be 0", known_.reserved2);
-  check_memory(maps(), known_.capacity);
+  require_argument(known.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known.capacity);
+  require_argument(known.reserved == 0, "result.reserved", "must be 0", known.reserved);
+  require_argument(known.reserved2 == 0, "result.reserved2", "must be 0", known.reserved2);
+  check_memory(maps_of(known), known.capacity);
+  return known;
+}
+
+void ResultWriter::accept(endo_result* result, std::shared_ptr<ResultsInFlight> in_flight) {
+  known_ = read_result(result);
+  if (in_flight != nullptr) in_flight->add(result, maps(), known_.capacity);
+  in_flight_ = std::move(in_flight);
   target_ = result;
+}
+
+void ResultWriter::check_apart(const FramePair& pair) {
+  try {
+    endosdk::check_apart(maps(), known_.capacity, memory_of(pair.left, "left"));
+    endosdk::check_apart(maps(), known_.capacity, memory_of(pair.right, "right"));
+  } catch (const Error&) {
+    let_go();  // what is written after a failure would lie in the pictures
+    throw;
+  }
 }
 
 void ResultWriter::check_capacity(Size size) const {
@@ -221,10 +249,7 @@ void ResultWriter::check_capacity(Size size) const {
                    known_.capacity);
 }
 
-MapsOut ResultWriter::maps() const {
-  return {known_.disparity, known_.confidence,    known_.depth,    known_.sigma,
-          known_.reasons,   known_.disparity_u16, known_.depth_u16};
-}
+MapsOut ResultWriter::maps() const { return maps_of(known_); }
 
 FramePair ResultWriter::stamped(FramePair pair) const {
   pair.stamp_ns = known_.stamp_ns;
@@ -287,6 +312,15 @@ void ResultWriter::write_failure() {
   write({});
 }
 
-void ResultWriter::store() { write_struct(known_, known_.struct_size, target_); }
+void ResultWriter::store() {
+  write_struct(known_, known_.struct_size, target_);
+  let_go();
+}
+
+void ResultWriter::let_go() {
+  if (in_flight_ != nullptr) in_flight_->remove(target_);
+  in_flight_ = nullptr;
+  target_ = nullptr;
+}
 
 }  // namespace endosdk

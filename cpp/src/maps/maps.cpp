@@ -1,8 +1,6 @@
 #include "maps/maps.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
 
 #include "maps/reasons.hpp"
 #include "platform/errors.hpp"
@@ -21,35 +19,36 @@ void write_steps(const float* values, const uint8_t* reasons, int begin, int end
   }
 }
 
-// Where a map lies.
-struct Memory {
-  uintptr_t end(uint64_t pixels) const { return begin + pixels * bytes_per_pixel; }
-
-  const char* name;
-  uintptr_t begin;  // 0: not wanted
-  uintptr_t bytes_per_pixel;
-};
-
-auto memory_of(const MapsOut& maps) {
-  const auto memory = [&](const auto& field) {
-    return Memory{field.name, reinterpret_cast<uintptr_t>(maps.*field.memory), sizeof *(maps.*field.memory)};
-  };
-  return std::apply([&](const auto&... field) { return std::array{memory(field)...}; }, map_fields);
+void require_apart(const Memory& map, const Memory& other) {
+  const uintptr_t begin = std::max(map.begin, other.begin);
+  const uintptr_t end = std::min(map.end, other.end);
+  require(end <= begin, map.name, Text("must not lie in the memory of ", other.name), Text(end - begin, " bytes that both have"));
 }
 
 }  // namespace
 
+std::array<Memory, std::tuple_size_v<decltype(map_fields)>> memory_of(const MapsOut& maps, uint64_t pixels) {
+  const auto memory = [&](const auto& field) {
+    const auto begin = reinterpret_cast<uintptr_t>(maps.*field.memory);
+    return Memory{field.name, begin, begin == 0 ? 0 : begin + pixels * sizeof *(maps.*field.memory)};
+  };
+  return std::apply([&](const auto&... field) { return std::array{memory(field)...}; }, map_fields);
+}
+
+void check_apart(const MapsOut& maps, uint64_t pixels, const Memory& other) {
+  for (const Memory& map : memory_of(maps, pixels)) require_apart(map, other);
+}
+
 void check_memory(const MapsOut& maps, uint64_t pixels) {
-  const auto all = memory_of(maps);
-  for (const Memory& map : all) {
-    const uintptr_t too_far = map.begin % map.bytes_per_pixel;
-    require(too_far == 0, map.name, Text("must be aligned to ", map.bytes_per_pixel, " bytes"), Text(too_far, " too far"));
-  }
+  for_each_map([&](const auto& field) {
+    constexpr uintptr_t alignment = sizeof *(maps.*field.memory);
+    const uintptr_t too_far = reinterpret_cast<uintptr_t>(maps.*field.memory) % alignment;
+    require(too_far == 0, field.name, Text("must be aligned to ", alignment, " bytes"), Text(too_far, " too far"));
+  });
+  const auto all = memory_of(maps, pixels);
   for (const Memory& map : all) {
     for (const Memory& other : all) {
-      const bool apart = &other == &map || map.begin == 0 || other.begin == 0 || other.end(pixels) <= map.begin ||
-                         map.end(pixels) <= other.begin;
-      require(apart, map.name, Text("must not lie in the memory of ", other.name), "maps that overlap");
+      if (&other != &map) require_apart(map, other);
     }
   }
 }

@@ -3,6 +3,7 @@
 
 #include <endosdk/endosdk.h>
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <tuple>
@@ -54,6 +55,19 @@ template <typename Visit>
 void for_each_map(Visit visit) {
   std::apply([&](const auto&... field) { (visit(field), ...); }, map_fields);
 }
+
+// A stretch of the caller's memory: a map or a picture.
+struct Memory {
+  const char* name = nullptr;
+  uintptr_t begin = 0;
+  uintptr_t end = 0;  // no more than begin: there is none
+};
+
+// Of every map, in the order of map_fields.
+std::array<Memory, std::tuple_size_v<decltype(map_fields)>> memory_of(const MapsOut& maps, uint64_t pixels);
+
+// Refuses maps that lie in this memory.
+void check_apart(const MapsOut& maps, uint64_t pixels, const Memory& other);
 
 // Refuses maps that lie in each other, or askew, in memory: nothing may be written to such.
 void check_memory(const MapsOut& maps, uint64_t pixels);

@@ -135,8 +135,11 @@ PLACE(endo_result, reserved, 116);
 PLACE(endo_result, causes, 120);
 PLACE(endo_result, measures, 128);
 PLACE(endo_result, vertical_disparity_px, 384);
+PLACE(endo_result, vertical_disparity_se_px, 392);
 PLACE(endo_result, rotation_deg, 400);
+PLACE(endo_result, rotation_se_deg, 424);
 PLACE(endo_result, steady_rotation_deg, 448);
+PLACE(endo_result, steady_rotation_se_deg, 472);
 PLACE(endo_result, corrected_deg, 496);
 PLACE(endo_result, drifted, 520);
 PLACE(endo_result, reserved2, 524);
@@ -155,6 +158,37 @@ PLACE(endo_identity, runtime_sha256, 328);
 PLACE(endo_identity, provider, 400);
 PLACE(endo_identity, device, 440);
 _Static_assert(sizeof(endo_identity) == 512, "endo_identity");
+
+PLACE(endo_measured, struct_size, 0);
+PLACE(endo_measured, reserved, 4);
+PLACE(endo_measured, value, 8);
+PLACE(endo_measured, standard_error, 16);
+_Static_assert(sizeof(endo_measured) == 24, "endo_measured");
+
+PLACE(endo_point, struct_size, 0);
+PLACE(endo_point, reserved, 4);
+PLACE(endo_point, xyz, 8);
+PLACE(endo_point, covariance, 32);
+_Static_assert(sizeof(endo_point) == 104, "endo_point");
+
+PLACE(endo_area, struct_size, 0);
+PLACE(endo_area, reserved, 4);
+PLACE(endo_area, flat, 8);
+PLACE(endo_area, flat_standard_error, 16);
+PLACE(endo_area, relief, 24);
+PLACE(endo_area, relief_standard_error, 32);
+PLACE(endo_area, coverage, 40);
+_Static_assert(sizeof(endo_area) == 48, "endo_area");
+
+PLACE(endo_rectification, struct_size, 0);
+PLACE(endo_rectification, region, 4);
+PLACE(endo_rectification, reserved, 20);
+PLACE(endo_rectification, left_rotation, 24);
+PLACE(endo_rectification, right_rotation, 96);
+PLACE(endo_rectification, left_projection, 168);
+PLACE(endo_rectification, right_projection, 264);
+PLACE(endo_rectification, q, 360);
+_Static_assert(sizeof(endo_rectification) == 488, "endo_rectification");
 
 int main(void) {
     endo_options options;

@@ -159,6 +159,33 @@ void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
   CHECK(estimator.predict(pair, out) == ENDO_OK && std::fabs(middle(out.disparity) - 9.0f) < 0.5f);
 }
 
+// What a failure writes would lie in the picture, too.
+void maps_over_a_picture_are_refused_and_nothing_is_written(const Places& at) {
+  const Opened estimator(at);
+  const Pair pair(width, height, 9);
+  std::vector<float> shared(pixels);  // has room for a picture
+  auto* const bytes = reinterpret_cast<uint8_t*>(shared.data());
+  std::copy(pair.left.begin(), pair.left.end(), bytes);
+  Output out(pixels);
+  out.result.confidence = shared.data();
+  const auto refused = [&](const endo_image& left, const endo_image& right, const char* word) {
+    out.result.quality = 77;
+    expect(endo_predict(estimator.get(), &left, &right, &out.result), ENDO_INVALID_ARGUMENT, word);
+    CHECK(out.result.quality == 77 && std::equal(pair.left.begin(), pair.left.end(), bytes));
+  };
+  endo_image over = pair.left_image();
+  over.data = bytes;
+  refused(over, pair.right_image(), "confidence: must not lie in the memory of left");
+  refused(pair.left_image(), over, "confidence: must not lie in the memory of right");
+  over.data = bytes + (height - 1) * width * 3;  // from the bottom up
+  over.stride = -width * 3;
+  refused(over, pair.right_image(), "got 46080 bytes that both have");
+  over.data = bytes;
+  over.stride = 0;
+  out.result.confidence = nullptr;
+  CHECK(endo_predict(estimator.get(), &over, &over, &out.result) == ENDO_OK);  // one picture for both views is allowed
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -168,4 +195,5 @@ int main(int argc, char** argv) {
   structs_may_be_longer_than_this_library_knows(at);
   bad_calibrations_are_refused_and_change_nothing(at);
   bad_frames_are_refused_and_read_as_no_answer(at);
+  maps_over_a_picture_are_refused_and_nothing_is_written(at);
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <thread>
+#include <utility>
 
 #include "frame.hpp"
 
@@ -115,6 +116,32 @@ void bad_frames_are_refused_and_the_stream_goes_on(const Places& at) {
   endo_stream_close(nullptr);
 }
 
+void memory_of_a_frame_in_flight_is_not_taken_again(const Places& at) {
+  const Opened estimator(at, with_threads(at, 3));
+  const OpenedStream stream(estimator);
+  const Pair pair(width, height, 9);
+  Output first(pixels);
+  Output second(pixels);
+  CHECK(stream.submit(pair, first.result) == ENDO_OK);
+  expect(stream.submit(pair, first.result), ENDO_INVALID_ARGUMENT, "result: must not be in flight");
+  expect(stream.submit(Pair(width, height + 8, 9), first.result), ENDO_INVALID_ARGUMENT, "result: must not be in flight");
+  float* const own = std::exchange(second.result.confidence, first.disparity.data());
+  expect(stream.submit(pair, second.result), ENDO_INVALID_ARGUMENT, "confidence: must not lie in the memory of a frame in flight");
+  CHECK(second.result.quality == 0);  // untouched
+  second.result.confidence = own;
+  CHECK(stream.submit(pair, second.result) == ENDO_OK);
+  endo_result* result = nullptr;
+  for (const Output* wanted : {&first, &second}) {
+    CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &wanted->result);
+    CHECK(std::fabs(middle(wanted->disparity) - 9.0f) < 0.5f);
+  }
+  // What was received, and what was refused, may be submitted again.
+  CHECK(stream.submit(pair, first.result) == ENDO_OK);
+  expect(stream.submit(Pair(width, height + 8, 9), second.result), ENDO_INVALID_ARGUMENT, "result.capacity");
+  CHECK(stream.submit(pair, second.result) == ENDO_OK);
+  for (int i = 0; i < 2; ++i) CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result != nullptr);
+}
+
 void frames_in_flight_can_be_cancelled(const Places& at) {
   const Opened estimator(at);
   const OpenedStream stream(estimator);
@@ -213,6 +240,30 @@ void late_counts_the_wait_for_others(const Places& at) {
   CHECK(late_by_waiting_alone);
 }
 
+void late_counts_the_wait_for_room(const Places& at) {
+  endo_options options = default_options(at);
+  options.deadline_ms = 200.0;
+  const Opened estimator(at, options);
+  const OpenedStream stream(estimator);
+  const Pair pair(width, height, 9);
+  Output first(pixels);
+  Output second(pixels);
+  CHECK(stream.submit(pair, first.result) == ENDO_OK);
+  std::atomic<bool> submitting{false};
+  std::thread slow_consumer([&] {
+    while (!submitting) std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));
+    endo_result* result = nullptr;
+    for (const Output* wanted : {&first, &second}) {
+      CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &wanted->result);
+    }
+  });
+  submitting = true;
+  CHECK(stream.submit(pair, second.result) == ENDO_OK);
+  slow_consumer.join();
+  CHECK(second.result.late == 1 && (second.result.causes & 1u << ENDO_CAUSE_LATE) != 0);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -220,8 +271,10 @@ int main(int argc, char** argv) {
   for (const int threads : {1, 2, 3}) a_stream_gives_what_predict_gives_in_order(at, threads);
   one_thread_can_do_both_ends(at);
   bad_frames_are_refused_and_the_stream_goes_on(at);
+  memory_of_a_frame_in_flight_is_not_taken_again(at);
   frames_in_flight_can_be_cancelled(at);
   closing_waits_for_the_frame_that_runs(at);
   reports_do_not_wait_for_frames(at);
   late_counts_the_wait_for_others(at);
+  late_counts_the_wait_for_room(at);
 }
