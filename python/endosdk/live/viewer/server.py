@@ -16,6 +16,7 @@ from endosdk.live.viewer.measuring import measured
 from endosdk.live.viewer.message import encoded
 from endosdk.live.viewer.palette import legend
 from endosdk.live.viewer.player import Player, Shown
+from endosdk.runtime.threads import start_thread
 
 HOST = "127.0.0.1"
 PICTURES_PER_SECOND = 10  # that the page is sent at most: more would take time from the network
@@ -52,7 +53,7 @@ class Server:
         self._problem: OSError | None = None
         self._port = port
         self._thread = threading.Thread(target=self._run, name="endosdk-view", daemon=True)
-        self._thread.start()
+        start_thread(self._thread)
         self._ready.wait()
         if self._problem is not None:
             raise InvalidArgument("port", "must be free on the loopback address", f"{port} ({self._problem})")
