@@ -2,18 +2,20 @@
 
 python scripts/device_papers.py
 
-They are made of docs/device/components.toml, the versions of constraints-release.txt and models/models.toml. CycloneDX
-and SPDX are written and checked by these projects' own libraries.
+They are made of docs/device/components.toml, the versions of constraints-release.txt, models/models.toml and what each
+model says of itself. CycloneDX and SPDX are written and checked by these projects' own libraries.
 """
 
 from __future__ import annotations
 
 import importlib.metadata
+import io
 import json
 import re
 import tomllib
 import uuid
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +44,10 @@ from spdx_tools.spdx.model import (
     SpdxNoAssertion,
 )
 from spdx_tools.spdx.validation.document_validator import validate_full_spdx_document
-from spdx_tools.spdx.writer.json.json_writer import write_document_to_file
+from spdx_tools.spdx.writer.json.json_writer import write_document_to_stream
+
+from endosdk.runtime.models import read_model
+from endosdk.runtime.session import StereoSession
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "device"
@@ -64,9 +69,14 @@ def components() -> list[dict[str, Any]]:
     return [{**entry, "version": locked[entry["name"]]} for entry in listed]
 
 
+@cache
 def models() -> dict[str, dict[str, str]]:
-    """Return the shipped models."""
-    return tomllib.loads((ROOT / "models" / "models.toml").read_text())
+    """Return the shipped models, each with the version that its file states."""
+    listed = tomllib.loads((ROOT / "models" / "models.toml").read_text())
+    return {
+        name: {**entry, "version": StereoSession(read_model(name), threads=1).info.version}
+        for name, entry in listed.items()
+    }
 
 
 def cyclonedx() -> str:
@@ -79,7 +89,7 @@ def cyclonedx() -> str:
     parts += [
         Component(
             name=name,
-            version=version(),
+            version=entry["version"],
             type=ComponentType.MACHINE_LEARNING_MODEL,
             bom_ref=f"model:{name}",
             hashes=[HashType(alg=HashAlgorithm.SHA_256, content=entry["sha256"])],
@@ -110,8 +120,14 @@ def _component(entry: dict[str, Any]) -> Component:
     )
 
 
-def spdx() -> Document:
-    """Return the SBOM as an SPDX 2.3 document."""
+def spdx() -> str:
+    """Return the SBOM in SPDX 2.3."""
+    stream = io.StringIO()
+    write_document_to_stream(_document(), stream)
+    return json.dumps(json.loads(stream.getvalue()), indent=1) + "\n"
+
+
+def _document() -> Document:
     info = CreationInfo(
         "SPDX-2.3",
         "SPDXRef-DOCUMENT",
@@ -128,7 +144,7 @@ def spdx() -> Document:
         packages.append(package)
         relationships.append(_relation(package.spdx_id, kind, root))
     for name, entry in models().items():
-        package = _package(f"model-{name}", version(), None)
+        package = _package(f"model-{name}", entry["version"], None)
         package.checksums = [Checksum(ChecksumAlgorithm.SHA256, entry["sha256"])]
         packages.append(package)
         relationships.append(_relation(root.spdx_id, RelationshipType.CONTAINS, package))
@@ -198,8 +214,7 @@ def notices() -> str:
 def main() -> None:
     """Write all four."""
     CYCLONEDX.write_text(cyclonedx())
-    write_document_to_file(spdx(), str(SPDX))
-    SPDX.write_text(json.dumps(json.loads(SPDX.read_text()), indent=1) + "\n")
+    SPDX.write_text(spdx())
     SOUP.write_text(soup())
     NOTICES.write_text(notices())
 

@@ -1,8 +1,10 @@
 // Errors of the core become the package's own, with the same code and words as in C.
 #include <new>
+#include <system_error>
 
 #include "bindings.hpp"
 #include "platform/errors.hpp"
+#include "platform/threads.hpp"
 
 namespace py = pybind11;
 
@@ -15,13 +17,19 @@ void raise_error(endo_status status, const std::string& argument, const std::str
   PyErr_SetObject(py::type::of(error).ptr(), error.ptr());
 }
 
+void raise_error(const Error& error) { raise_error(error.status(), error.argument(), error.rule(), error.value()); }
+
 void translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);
   } catch (const Error& error) {
-    raise_error(error.status(), error.argument(), error.rule(), error.value());
+    raise_error(error);
   } catch (const std::bad_alloc&) {
     raise_error(ENDO_OUT_OF_MEMORY, "", "out of memory", "");
+  } catch (const std::system_error& error) {
+    // What the C++ library throws where no further thread can be started; pybind11 passes all others on.
+    if (error.code() != std::errc::resource_unavailable_try_again) throw;
+    raise_error(short_of_threads(1, 0));
   }
 }
 

@@ -13,6 +13,7 @@
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
 #include "model/model.hpp"
+#include "model/out_of_resources.hpp"
 #include "model/placement.hpp"
 #include "model/provider_options.hpp"
 #include "model/providers.hpp"
@@ -94,6 +95,8 @@ void bind_providers(py::module_& m) {
 }
 
 void bind_models(py::module_& m) {
+  m.def("is_out_of_resources", &is_out_of_resources, py::arg("message"),
+        "Whether the text of an error of ONNX Runtime says that memory or threads are used up.");
   m.def(
       "parse_metadata",
       [](const std::map<std::string, std::string>& metadata, const std::string& sha256) {

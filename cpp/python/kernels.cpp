@@ -299,6 +299,8 @@ void bind_settings(py::module_& m) {
   m.def("default_threads", &default_thread_count, "Cores that this process may use, but at most 8.");
   m.def("threads", &thread_count, "Threads that kernels called from this thread may use.");
   m.def("set_threads", &set_thread_count, py::arg("n"), "Set that number for the calling thread, 1 to 256.");
+  m.def("reserve_threads", &reserve_threads, py::arg("n"), py::call_guard<py::gil_scoped_release>(),
+        "Raise OutOfMemory unless the system can start so many further threads at a time.");
 }
 
 void bind_rectification(py::module_& m) {

@@ -89,6 +89,9 @@ def check_placement(provider: str, placement: dict[str, dict[str, int]]) -> None
 def wants_float32_model(provider: str) -> bool:
     """Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor."""
 
+def is_out_of_resources(message: str) -> bool:
+    """Return whether the text of an error of ONNX Runtime says that memory or threads are used up."""
+
 def parse_metadata(metadata: dict[str, str], sha256: str) -> dict[str, Any]:
     """Return what a model says of itself, by field of `ModelInfo`; name the key that is missing or wrong."""
 
@@ -140,6 +143,9 @@ def threads() -> int:
 
 def set_threads(n: int) -> None:
     """Set that number for the calling thread, 1 to 256."""
+
+def reserve_threads(n: int) -> None:
+    """Raise OutOfMemory unless the system can start so many further threads at a time. None of them stays."""
 
 def has_integer_units() -> bool:
     """Whether this processor has instructions for 8-bit networks (VNNI)."""

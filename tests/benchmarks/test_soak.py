@@ -2,6 +2,8 @@
 
 import json
 import sys
+import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -43,8 +45,22 @@ def test_an_interrupted_run_goes_on_and_is_recorded(monkeypatch, tmp_path):
     run(monkeypatch, file, "--deadline-ms", "0.001")
     record = json.loads(file.read_text())
     assert (record["frames"], record["runs"], record["marked_in_time"]) == (8, 2, 0)
+    assert record["late_and_unmarked"] == 0
     assert record["late"] == 8 - kept, "the first run was in time"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_late_frames_that_are_not_marked_are_counted_by_the_callers_clock(monkeypatch, tmp_path):
+    answer = DepthEstimator.predict
+
+    def predict(self, *pair, **more):
+        time.sleep(2e-3 * soak.SLACK_MS)
+        return replace(answer(self, *pair, **more), late=False)
+
+    monkeypatch.setattr(DepthEstimator, "predict", predict)
+    run(monkeypatch, tmp_path / "soak.json", "--deadline-ms", "0.001")
+    record = json.loads((tmp_path / "soak.json").read_text())
+    assert (record["late"], record["late_and_unmarked"], record["marked_in_time"]) == (0, 8, 0)
 
 
 def test_another_answer_ends_the_run(monkeypatch, tmp_path):

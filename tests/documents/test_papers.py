@@ -1,11 +1,14 @@
 """The papers of a device name every component that is shipped, and are the ones that their script writes."""
 
 import importlib.util
+import json
 import re
 import tomllib
 
 import pytest
 
+from endosdk.runtime.models import read_model, shipped_models
+from endosdk.runtime.session import StereoSession
 from tests.conftest import ROOT
 
 pytest.importorskip("cyclonedx", reason="no cyclonedx-python-lib: pip install 'endosdk[dev]'")
@@ -27,16 +30,28 @@ def test_no_locked_version_lacks_a_component():
     assert sorted(locked) == sorted(entry["name"] for entry in papers.components())
 
 
-def test_the_papers_are_those_that_the_script_writes(tmp_path):
+def test_the_papers_are_those_that_the_script_writes():
     assert papers.CYCLONEDX.read_text() == papers.cyclonedx()
+    assert papers.SPDX.read_text() == papers.spdx()
     assert papers.SOUP.read_text() == papers.soup()
-    document = papers.spdx()  # refused where it is not valid
-    written = papers.json.loads(papers.SPDX.read_text())
-    assert [package["name"] for package in written["packages"]] == [package.name for package in document.packages]
-    assert {package["versionInfo"] for package in written["packages"]} == {p.version for p in document.packages}
+    assert papers.NOTICES.read_text() == papers.notices()
 
 
-def test_every_model_is_in_both_lists_with_its_hash():
-    for name, entry in papers.models().items():
-        assert entry["sha256"] in papers.CYCLONEDX.read_text(), name
-        assert entry["sha256"] in papers.SPDX.read_text(), name
+def test_every_model_is_in_both_lists_with_its_own_version_and_hash():
+    parts = json.loads(papers.CYCLONEDX.read_text())["components"]
+    listed = {part["name"]: (part["version"], part["hashes"][0]["content"]) for part in parts if "hashes" in part}
+    packages = json.loads(papers.SPDX.read_text())["packages"]
+    sealed = {
+        package["name"].removeprefix("model-"): (package["versionInfo"], package["checksums"][0]["checksumValue"])
+        for package in packages
+        if "checksums" in package
+    }
+    assert (
+        listed
+        == sealed
+        == {name: (info_of(file).version, info_of(file).sha256) for name, file in shipped_models().items()}
+    )
+
+
+def info_of(file):
+    return StereoSession(read_model(file), threads=1).info

@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import struct
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 from hypothesis import strategies as st
 
-from endosdk import StereoCalibration
+from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.dataset import read_disparity, read_record, read_sample
 from endosdk.datasets.layouts.pfm import read_pfm
 from endosdk.io.picture_pairs import pair_pictures
 from endosdk.io.pictures import read_frame
+from endosdk.live.frames import Frame
+from endosdk.live.recording.bags import type_store
+from endosdk.live.recording.messages import MessageMaker
+from endosdk.live.recording.recorder import line_of
+from endosdk.live.recording.recording import Recording
+from endosdk.live.recording.sixteen_bits import STEPS
+from endosdk.live.recording.texts import FORMAT_VERSION, LINES, RECORD
+from endosdk.live.sources.bag import CHANNELS, Bag, picture_of
+from endosdk.live.viewer.measuring import measured
+from endosdk.live.viewer.player import Shown
+from endosdk.live.viewer.wishes import parse_wish
 from endosdk.runtime.models import read_model
 from endosdk.runtime.session import StereoSession
-from tests.conftest import TINY_MODEL, textured_picture
+from tests.conftest import TINY_MODEL, shifted_pair, textured_picture
 from tests.rigs import raw_rig
 
 
@@ -169,6 +183,88 @@ def _pictures_named(path: Path) -> object:
     return pair_pictures(root / "left", root / "right")
 
 
+VIEWS = shifted_pair(96, 160, 10)
+SMALL_RIG = StereoCalibration.rectified(focal_px=120.0, baseline_mm=5.0, size=(160, 96))
+
+
+@cache
+def small_result() -> DepthResult:
+    """The depth of `VIEWS`."""
+    with DepthEstimator(TINY_MODEL, calibration=SMALL_RIG, threads=1) as estimator:
+        return estimator.predict(*VIEWS)
+
+
+def _recording_record() -> bytes:
+    settings = {
+        "source": "camera", "clock": "medium", "calibration": SMALL_RIG.content(), "pictures": False, "temporal": False,
+        "map": {"name": "depth", "unit": "mm", "step": STEPS["depth"]},
+    }  # fmt: skip
+    record = {"format_version": FORMAT_VERSION, "settings": settings, "complete": True, "source_ended": True}
+    return json.dumps(record).encode()
+
+
+def _recording_lines() -> bytes:
+    frames = (Frame(*VIEWS, number, number * 40_000_000, {"arm": number}) for number in range(2))
+    return "".join(json.dumps(line_of(frame, small_result())) + "\n" for frame in frames).encode()
+
+
+def _open_recording(path: Path) -> object:
+    for name, seed in ((RECORD, _recording_record), (LINES, _recording_lines)):
+        if name != path.name:
+            path.with_name(name).write_bytes(seed())
+    recording = Recording(path.parent)
+    return recording.lines, recording.calibration
+
+
+@cache
+def _mcap() -> bytes:
+    """Two pairs of raw pictures in the encoding of ROS 2."""
+    from mcap.writer import CompressionType, Writer
+
+    store, file = type_store(ros1=False), io.BytesIO()
+    make, kind = MessageMaker(store.types, ros1=False), "sensor_msgs/msg/Image"
+    writer = Writer(file, compression=CompressionType.NONE)
+    writer.start(profile="ros2")
+    schema = writer.register_schema(kind, "ros2msg", store.generate_msgdef(kind, ros_version=2)[0].encode())
+    for side, view in zip(("left", "right"), shifted_pair(12, 16, 4), strict=True):
+        channel = writer.register_channel(f"/{side}", "cdr", schema)
+        for at in (1, 40_000_001):
+            writer.add_message(channel, at, bytes(store.serialize_cdr(make.picture(at, side, view), kind)), at)
+    writer.finish()
+    return file.getvalue()
+
+
+ROS_IMAGE = struct.Struct("<IIIB")  # height, width, bytes of a row, encoding; then the pixels
+
+
+def _ros_image() -> bytes:
+    return ROS_IMAGE.pack(4, 6, 18, 0) + bytes(range(72))
+
+
+def _open_ros_image(path: Path) -> object:
+    data = path.read_bytes()
+    height, width, step, encoding = ROS_IMAGE.unpack(data[: ROS_IMAGE.size].ljust(ROS_IMAGE.size, b"\0"))
+    name = [*CHANNELS, "mono16"][encoding % (len(CHANNELS) + 1)]
+    pixels = data[ROS_IMAGE.size :]
+    return picture_of(SimpleNamespace(height=height, width=width, step=step, encoding=name, data=pixels), "/left")
+
+
+def _open_ros_compressed(path: Path) -> object:
+    return picture_of(SimpleNamespace(format="png", data=path.read_bytes()), "/left")
+
+
+def _page_message() -> bytes:
+    return json.dumps({"do": "measure", "kind": "point", "pixels": [[80, 50.5]], "id": 7}).encode()
+
+
+def _obey(path: Path) -> object:
+    wish = parse_wish(path.read_bytes().decode(errors="replace"))
+    if wish["do"] != "measure":
+        return wish
+    shown = Shown(Frame(*VIEWS, 0, 0), small_result(), 1, 5.0, 20.0)
+    return measured(shown, wish["kind"], wish["pixels"])
+
+
 TARGETS = {
     target.name: target
     for target in (
@@ -196,6 +292,12 @@ TARGETS = {
         Target("names of pictures", "names", lambda: b"left_001.png\nleft_002.png", _pictures_named),
         Target("training checkpoint", "last.safetensors", _checkpoint, _open_checkpoint),
         Target("model file", "model.onnx", lambda: TINY_MODEL.read_bytes(), _open_model),
+        Target("record of a recording", RECORD, _recording_record, _open_recording),
+        Target("lines of a recording", LINES, _recording_lines, _open_recording),
+        Target("MCAP file", "stereo.mcap", _mcap, lambda path: list(Bag(path))),
+        Target("ROS Image", "message", _ros_image, _open_ros_image),
+        Target("ROS CompressedImage", "message", _picture(".png"), _open_ros_compressed),
+        Target("message of the page", "message", _page_message, _obey),
     )
 }
 

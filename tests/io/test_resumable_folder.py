@@ -1,5 +1,7 @@
 """A folder is claimed by one job, which goes on there after a stop; nothing of anybody else is touched."""
 
+import os
+
 import pytest
 
 from endosdk.errors import InvalidArgument, StorageFailed
@@ -62,6 +64,19 @@ def test_what_a_library_writes_appears_whole_or_not_at_all(tmp_path):
         (partial / "b").write_text("b")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "folder"]
     assert (tmp_path / "a.txt").read_text() == "new"
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link to a device"])
+def test_a_library_never_writes_onto_what_is_no_file(tmp_path, kind):
+    path = tmp_path / "a.mkv"
+    os.mkfifo(path) if kind == "pipe" else path.symlink_to("/dev/null")
+    with (
+        pytest.raises(StorageFailed, match="out: must be a regular file, a folder"),
+        whole_path(path, "out") as partial,
+    ):
+        partial.write_text("x")
+    assert path.is_fifo() if kind == "pipe" else path.is_symlink()
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path):

@@ -15,7 +15,6 @@ from tests.conftest import TINY_MODEL, shifted_pair
 
 FRAMES = int(os.environ.get("ENDOSDK_SOAK_FRAMES", "3000"))
 WARM_UP = 200
-SLACK_MS = 2.0  # what the caller's own clock may add to the library's
 
 
 def resident_mb() -> float:
@@ -29,7 +28,7 @@ def test_late_frames_are_marked_and_memory_stays_under_load():
     times = [usual.predict(left, right).timings.total_ms for _ in range(WARM_UP)]
     deadline = 1.5 * float(np.median(times))
     estimator = DepthEstimator(TINY_MODEL, threads=1, spinning=False, deadline_ms=deadline)
-    result, seen, marked = None, [], []
+    result, seen, own, marked = None, [], [], []
     with burdened(2):
         for number in range(WARM_UP + FRAMES):
             if number == WARM_UP:
@@ -37,10 +36,13 @@ def test_late_frames_are_marked_and_memory_stays_under_load():
             started = time.perf_counter()
             result = estimator.predict(left, right, out=result)
             seen.append(1e3 * (time.perf_counter() - started))
+            own.append(result.timings.total_ms)
             marked.append(result.late)
     elapsed, late = np.array(seen), np.array(marked)
     assert not late[elapsed <= deadline].any(), "the library's time lies within the caller's"
-    assert late[elapsed > deadline + SLACK_MS].mean() > 0.8 if (elapsed > deadline + SLACK_MS).any() else True
+    # Not so the other way round: after the library has stopped its clock, the caller may have to wait for a core.
+    assert late[np.array(own) > deadline].all(), "a frame whose own time is over the deadline is marked"
+    assert late.any(), "without late frames nothing was tried"
     assert estimator.diagnostics()["late"] == late.sum()
     assert resident_mb() - before < 4.0
     p50, p99 = np.percentile(elapsed, (50, 99))

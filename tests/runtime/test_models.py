@@ -109,3 +109,11 @@ def test_unknown_name_lists_what_there_is():
 def test_wrong_type_is_refused():
     with pytest.raises(errors.InvalidArgument, match="model"):
         models.read_model(3)
+
+
+def test_a_model_larger_than_any_is_refused_before_it_is_read(tmp_path):
+    path = tmp_path / "model.onnx"
+    with path.open("wb") as file:
+        file.truncate(models.LARGEST_MODEL + 1)  # holds no block on the disk
+    with pytest.raises(errors.ModelUnreadable, match=f"must have at most {models.LARGEST_MODEL} bytes"):
+        models.read_model(path)

@@ -62,6 +62,15 @@ def test_calibration_for_another_size_is_refused(pair):
         ("network_size", (float("inf"), 360)),
         ("network_size", (10**7, 10**7)),
         ("threads", float("nan")),
+        ("threads", 10**400),
+        ("deadline_ms", 10**400),
+        pytest.param("deadline_ms", 10**5000, id="more digits than Python writes"),
+        ("max_age_ms", 10**400),
+        ("min_confidence", 10**400),
+        ("depth_range_mm", (0, 10**400)),
+        ("network_size", (10**400, 360)),
+        ("spinning", "no"),
+        ("spinning", 0),
         ("threads", 1.5),
         ("threads", 257),
         ("threads", "2"),
@@ -73,6 +82,17 @@ def test_bad_settings_are_refused(argument, value):
     with pytest.raises(errors.InvalidArgument) as caught:
         DepthEstimator(TINY_MODEL, **{argument: value})
     assert caught.value.argument == argument
+
+
+@pytest.mark.parametrize("argument", ["reuse", "temporal", "follow_rig"])
+def test_a_word_is_no_switch_of_a_stream(argument):
+    with pytest.raises(errors.InvalidArgument, match=f"^{argument}: must be True or False; got 'no'"):
+        DepthEstimator(TINY_MODEL).stream([], **{argument: "no"})
+
+
+def test_a_stamp_of_any_length_is_refused(pair):
+    with pytest.raises(errors.InvalidArgument, match="stamp_ns"):
+        DepthEstimator(TINY_MODEL).predict(*pair, stamp_ns=10**5000)
 
 
 def test_a_depth_range_without_a_calibration_is_refused():

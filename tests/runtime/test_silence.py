@@ -68,7 +68,6 @@ def test_two_hundred_frames_reach_nobody_and_leave_nothing(watcher, tmp_path):
     assert list(home.rglob("*")) == []
 
 
-@pytest.mark.skipif("ENDOSDK_THOROUGH" not in os.environ, reason="waits a minute: set ENDOSDK_THOROUGH=1")
 @pytest.mark.parametrize("host", ["endosdk first", "runtime first", "runtime first, switch set"])
 def test_only_a_host_that_imports_the_runtime_first_and_sets_no_switch_is_heard(watcher, tmp_path, host):
     home = tmp_path / "home"

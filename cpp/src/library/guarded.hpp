@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "platform/errors.hpp"
+#include "platform/threads.hpp"
 
 namespace endosdk {
 
@@ -32,7 +33,7 @@ endo_status guarded(const Body& body) noexcept {
   } catch (const std::system_error& error) {
     // What the C++ library throws where no further thread can be started.
     const bool used_up = error.code() == std::errc::resource_unavailable_try_again;
-    return used_up ? report(ENDO_OUT_OF_MEMORY, "threads: the system must be able to start 1 more; got 0")
+    return used_up ? report(ENDO_OUT_OF_MEMORY, short_of_threads(1, 0).what())
                    : report(ENDO_INTERNAL, error.what());
   } catch (const std::exception& error) {
     return report(ENDO_INTERNAL, error.what());

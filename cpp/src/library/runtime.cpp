@@ -7,7 +7,6 @@
 #include <map>
 #include <mutex>
 #include <new>
-#include <string_view>
 #include <vector>
 
 #include "platform/sha256.hpp"
@@ -107,13 +106,6 @@ Runtime::Runtime(void* library, std::string path, bool was_loaded) : library_(li
 // turned down must go, or the loader would take it again for a later place by its name.
 Runtime::~Runtime() {
   if (api_ == nullptr) system::close_library(library_);
-}
-
-bool Runtime::is_out_of_resources(std::string_view message) {
-  for (const char* sign : {"std::bad_alloc", "Failed to allocate memory", "pthread_create failed"}) {
-    if (message.find(sign) != std::string_view::npos) return true;
-  }
-  return false;
 }
 
 }  // namespace endosdk

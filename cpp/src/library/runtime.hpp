@@ -5,8 +5,8 @@
 
 #include <memory>
 #include <string>
-#include <string_view>
 
+#include "model/out_of_resources.hpp"
 #include "platform/log.hpp"
 #include "platform/errors.hpp"
 
@@ -45,9 +45,6 @@ class Runtime {
 
  private:
   Runtime(void* library, std::string path, bool was_loaded);  // without an api_ when the library is not one for us
-
-  // The runtime has no code of its own for this; its text tells.
-  static bool is_out_of_resources(std::string_view message);
 
   void* library_;
   std::string path_;

@@ -8,7 +8,6 @@
 #include <thread>
 #include <vector>
 
-#include "platform/errors.hpp"
 #include "platform/system.hpp"
 
 namespace endosdk {
@@ -128,6 +127,11 @@ int default_thread_count() {
   return std::clamp(system::usable_cores(), 1, plenty);
 }
 
+Error short_of_threads(int wanted, int started) {
+  const Text rule("the system must be able to start ", wanted, " more");
+  return {ENDO_OUT_OF_MEMORY, "threads", as_text(rule), as_text(started)};
+}
+
 void reserve_threads(int count) {
   std::mutex mutex;
   std::condition_variable change;
@@ -138,13 +142,10 @@ void reserve_threads(int count) {
     std::unique_lock lock(mutex);
     change.wait(lock, [&] { return may_end; });
   };
-  bool short_of_threads = false;
-  for (int i = 0; i < count && !short_of_threads; ++i) {
-    try {
-      threads.emplace_back(wait);
-    } catch (const std::system_error&) {
-      short_of_threads = true;
-    }
+  try {
+    for (int i = 0; i < count; ++i) threads.emplace_back(wait);
+  } catch (const std::system_error&) {
+    // said below, once those that run have ended
   }
   const int started = static_cast<int>(threads.size());
   {
@@ -153,8 +154,7 @@ void reserve_threads(int count) {
   }
   change.notify_all();
   for (std::thread& thread : threads) thread.join();
-  require(!short_of_threads, ENDO_OUT_OF_MEMORY, "threads", Text("the system must be able to start ", count, " more"),
-          started);
+  if (started < count) throw short_of_threads(count, started);
 }
 
 int thread_count() { return wanted_threads > 0 ? wanted_threads : default_thread_count(); }

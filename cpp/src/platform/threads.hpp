@@ -9,6 +9,8 @@
 #include <memory>
 #include <type_traits>
 
+#include "platform/errors.hpp"
+
 namespace endosdk {
 
 constexpr int max_threads = 256;
@@ -19,7 +21,10 @@ int default_thread_count();
 // Threads that a loop of the calling thread may use, itself included; default_thread_count() until it is set.
 int thread_count();
 
-// Throws OUT_OF_MEMORY unless the system can start so many further threads at a time. None of them stays.
+// OUT_OF_MEMORY: the system started only some of the further threads that were wanted.
+Error short_of_threads(int wanted, int started);
+
+// Throws that unless the system can start so many further threads at a time. None of them stays.
 void reserve_threads(int count);
 
 // For the later loops of the calling thread, 1 to max_threads. With 1 they run on that thread alone.

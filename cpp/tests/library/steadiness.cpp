@@ -1,8 +1,13 @@
 // Thousands of frames in one process: memory, file handles and threads must not grow. Prints what it saw as JSON.
 //
-//     library_steadiness RUNTIME MODEL FRAMES
+//     library_steadiness RUNTIME MODEL FRAMES SECONDS
+//
+// It waits for so many seconds in the end, for whoever listens to what the process does.
 #include <dirent.h>
 #include <unistd.h>
+
+#include <chrono>
+#include <thread>
 
 #include "support.hpp"
 
@@ -37,6 +42,7 @@ Use use_now() {
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   const long frames = argc > 3 ? std::atol(argv[3]) : 2000;
+  const std::chrono::seconds wait(argc > 4 ? std::atol(argv[4]) : 0);
   endo_options options = default_options(at);
   options.threads = 2;
   const Opened estimator(at, options);
@@ -60,4 +66,5 @@ int main(int argc, char** argv) {
   CHECK(out.disparity == first);
   CHECK(after.handles == before.handles && after.threads == before.threads);
   CHECK(after.resident_kib - before.resident_kib < 1024);
+  std::this_thread::sleep_for(wait);
 }

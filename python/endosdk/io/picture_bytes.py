@@ -36,9 +36,7 @@ def decode_picture(data: bytes, mode: str) -> npt.NDArray[Any]:
     """Return the pixels of a picture file's content; see `read_picture`."""
     import cv2
 
-    width, height = _whole_size(data)
-    if not (0 < width <= LONGEST_SIDE and 0 < height <= LONGEST_SIDE and width * height <= MOST_PIXELS):
-        raise Refused(f"must have 1 to {LONGEST_SIDE} px a side and at most {MOST_PIXELS} px", f"{width}x{height}")
+    check_picture_size(*_whole_size(data))
     flags = 0
     for name in mode.split("|"):
         flags |= getattr(cv2, name)
@@ -49,6 +47,12 @@ def decode_picture(data: bytes, mode: str) -> npt.NDArray[Any]:
     if picture is None:
         raise Refused("must be a picture that OpenCV can decode", "damaged content")
     return np.asarray(picture)
+
+
+def check_picture_size(width: int, height: int) -> None:
+    """Raise `Refused` for a size, px, that is no camera's."""
+    if not (0 < width <= LONGEST_SIDE and 0 < height <= LONGEST_SIDE and width * height <= MOST_PIXELS):
+        raise Refused(f"must have 1 to {LONGEST_SIDE} px a side and at most {MOST_PIXELS} px", f"{width}x{height}")
 
 
 def _whole_size(data: bytes) -> tuple[int, int]:

@@ -87,8 +87,11 @@ def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
 def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
     """Yield a name beside ``path`` for what a library writes, file or folder; it becomes ``path`` once it is complete.
 
-    Raises `StorageFailed`, which names the caller's ``argument``.
+    Raises `StorageFailed`, which names the caller's ``argument``; also for a device or a pipe, which must not be
+    replaced.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise StorageFailed(argument, "must be a regular file, a folder or not exist", path)
     partial = path.with_name(f"{PARTIAL}{path.name}")
     try:
         _remove(partial)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from numbers import Real
 from typing import Any
 
@@ -26,8 +25,15 @@ def check_order(order: Any) -> str:
 def check_number(name: str, value: Any, rule: str) -> float:
     """Return a number."""
     if not _is_number(value):
-        raise InvalidArgument(name, rule, repr(value))
-    return float(value)
+        raise InvalidArgument(name, rule, _shown(value))
+    return _float(name, value, rule)
+
+
+def check_switch(name: str, value: Any) -> bool:
+    """Return whether something is on; a word such as "no" would count as yes."""
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidArgument(name, "must be True or False", _shown(value))
+    return bool(value)
 
 
 def check_stamp(stamp_ns: Any) -> int:
@@ -35,14 +41,15 @@ def check_stamp(stamp_ns: Any) -> int:
     if stamp_ns is None:
         return 0
     if isinstance(stamp_ns, bool) or not isinstance(stamp_ns, int | np.integer) or not 0 < stamp_ns < 2**63:
-        raise InvalidArgument("stamp_ns", "must be a whole number of nanoseconds, above 0", repr(stamp_ns))
+        raise InvalidArgument("stamp_ns", "must be a whole number of nanoseconds, above 0", _shown(stamp_ns))
     return int(stamp_ns)
 
 
 def check_range(depth_range_mm: Any) -> tuple[float, float]:
     """Return (nearest, farthest), mm."""
-    low, high = _pair("depth_range_mm", depth_range_mm, "must be (nearest, farthest) with 0 <= nearest < farthest")
-    return float(low), float(high)
+    rule = "must be (nearest, farthest) with 0 <= nearest < farthest"
+    low, high = _pair("depth_range_mm", depth_range_mm, rule)
+    return _float("depth_range_mm", low, rule), _float("depth_range_mm", high, rule)
 
 
 def check_size(size: Any) -> tuple[int, int] | None:
@@ -60,7 +67,7 @@ def check_threads(threads: Any) -> int:
         return 0
     rule = "must be a whole number, 1 to 256"
     if not _is_number(threads) or threads == 0:
-        raise InvalidArgument("threads", rule, repr(threads))
+        raise InvalidArgument("threads", rule, _shown(threads))
     return _whole("threads", threads, rule, threads)
 
 
@@ -88,12 +95,27 @@ def _is_number(value: Any) -> bool:
 
 def _whole(name: str, value: Any, rule: str, shown: Any) -> int:
     # The core counts in 32 bits; what does not fit is beyond every limit there.
-    if not math.isfinite(value) or int(value) != value or abs(value) >= 2**31:
-        raise InvalidArgument(name, rule, repr(shown))
+    if not abs(value) < 2**31 or int(value) != value:
+        raise InvalidArgument(name, rule, _shown(shown))
     return int(value)
+
+
+def _float(name: str, value: Any, rule: str) -> float:
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise InvalidArgument(name, rule, _shown(value)) from error
+
+
+def _shown(value: Any) -> str:
+    """Return a value as code writes it. Python writes no whole number of more than some thousand digits."""
+    try:
+        return repr(value)
+    except ValueError:
+        return "a number of too many digits"
 
 
 def _pair(name: str, values: Any, rule: str) -> tuple[Any, Any]:
     if not isinstance(values, tuple | list) or len(values) != 2 or not all(map(_is_number, values)):
-        raise InvalidArgument(name, rule, repr(values))
+        raise InvalidArgument(name, rule, _shown(values))
     return values[0], values[1]

@@ -21,6 +21,7 @@ from endosdk.runtime.arguments import (
     check_range,
     check_size,
     check_stamp,
+    check_switch,
     check_threads,
 )
 from endosdk.runtime.maps import Maps
@@ -112,7 +113,7 @@ class DepthEstimator:
             provider=provider,
             provider_options=options,
             threads=settings.threads,
-            spinning=spinning,
+            spinning=check_switch("spinning", spinning),
             runtime_sha256=runtime_sha256,
         )
         self._info = session.info
@@ -224,6 +225,8 @@ class DepthEstimator:
         Raises:
             InvalidArgument: ``source`` is neither, or its frames are no pairs of one size.
         """
+        for name, value in (("reuse", reuse), ("temporal", temporal), ("follow_rig", follow_rig)):
+            check_switch(name, value)
         if follow_rig and self._geometry is None:
             raise CalibrationRequired("follow_rig", _core.calibration_rule, "no calibration")
         if callable(source):

@@ -13,9 +13,10 @@ from typing import Any
 
 from endosdk import _core
 from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
-from endosdk.io.bounded_read import is_there
+from endosdk.io.bounded_read import Refused, is_there, read_bounded
 
 PREFIX = "endosdk."
+LARGEST_MODEL = 2**31  # bytes; a file of ONNX can hold no more
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,10 @@ def read_model(source: str | Path | bytes, *, integer_units: bool = True) -> Mod
     if not (is_there(path) and path.is_file()):
         names = ", ".join(sorted(_manifest(folder)))
         raise ModelNotFound("model", f"must be a file or one of the shipped names ({names})", repr(str(source)))
-    data = path.read_bytes()
+    try:
+        data = read_bounded(path, LARGEST_MODEL)
+    except Refused as refused:
+        raise ModelUnreadable("model", f"{path} {refused.rule}", refused.value) from refused
     if entry is None:
         return _unpinned(data, str(path))
     digest = hashlib.sha256(data).hexdigest()

@@ -14,10 +14,12 @@ import numpy.typing as npt
 
 from endosdk import _core
 from endosdk.errors import (
+    EndoError,
     InferenceFailed,
     InvalidArgument,
     ModelMetadata,
     ModelUnreadable,
+    OutOfMemory,
     ProviderUnavailable,
     RuntimeConflict,
     RuntimeMissing,
@@ -109,7 +111,7 @@ class StereoSession:
         runtime_sha256: str | None = None,
     ) -> None:
         self._runtime = load_runtime(runtime_sha256)
-        self._model, self._threads, self._spinning = model, threads, spinning
+        self._model, self._threads, self._spinning = model, threads or _core.default_threads(), spinning
         self.runtime_version: str = self._runtime.__version__
         file = runtime_file.runtime_file()
         self.runtime_library = "" if file is None else str(file)
@@ -117,15 +119,13 @@ class StereoSession:
         self.provider_options = checked_options(provider, provider_options)
         self.provider = installed_provider(provider, self._runtime)
         _core.check_weights_are_inside(model.data, model.origin)
-        options = _session_options(self._runtime, threads, spinning)
+        options = _session_options(self._runtime, self._threads, spinning)
         self._is_reader = self.provider != _core.cpu_provider
         if self._is_reader:
             options.intra_op_num_threads = 1
             options.graph_optimization_level = self._runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
-        try:
-            self._session = self._runtime.InferenceSession(model.data, options, providers=[_core.cpu_provider])
-        except Exception as error:  # the runtime has its own exception types, one per status code, with no common base
-            raise ModelUnreadable("model", f"{model.origin} must be an ONNX file that runs here", error) from error
+        rule = f"{model.origin} must be an ONNX file that runs here"
+        self._session = self._started(options, _core.cpu_provider, {}, ModelUnreadable, "model", rule)
         self.info: ModelInfo = parse_metadata(self.metadata, model.sha256)
         _check_interface(self._session)
 
@@ -151,16 +151,32 @@ class StereoSession:
                     options.add_free_dimension_override_by_name(side, length)
         options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
         rule = f"{self.provider} must start on this machine"
-        try:
-            session = self._runtime.InferenceSession(
-                self._model.data, options, providers=[(self.provider, self.provider_options)], enable_fallback=0
-            )
-        except Exception as error:  # as above: no common base class to catch
-            raise ProviderUnavailable("provider", rule, error) from error
+        session = self._started(options, self.provider, self.provider_options, ProviderUnavailable, "provider", rule)
         if session.get_providers()[0] != self.provider:
             raise ProviderUnavailable("provider", rule, ", ".join(session.get_providers()))
         _core.check_placement(self.provider, _placement(session))
         return session
+
+    def _started(
+        self,
+        options: Any,
+        provider: str,
+        provider_options: dict[str, str],
+        failure: type[EndoError],
+        argument: str,
+        rule: str,
+    ) -> Any:
+        """Return a session of the runtime, which must not try another provider, nor print that it does.
+
+        Raises OutOfMemory where memory or threads are used up, otherwise this kind of failure.
+        """
+        # The runtime hangs where the system runs out of threads while it starts its own, so they are asked for first.
+        _core.reserve_threads(self._threads)
+        providers = [(provider, provider_options)]
+        try:
+            return self._runtime.InferenceSession(self._model.data, options, providers=providers, enable_fallback=0)
+        except Exception as error:  # the runtime has its own exception types, one per status code, with no common base
+            raise _kind_of(error, failure)(argument, rule, error) from error
 
     def placement(self) -> dict[str, dict[str, int]]:
         """Return how many operations of each kind run on each provider; of a session for one size."""
@@ -225,7 +241,13 @@ class StereoSession:
         try:
             self._session.run_with_iobinding(binding, options)
         except Exception as error:  # as above: no common base class to catch
-            raise InferenceFailed("session", f"{self.info.name} must run on {self.provider}", error) from error
+            rule = f"{self.info.name} must run on {self.provider}"
+            raise _kind_of(error, InferenceFailed)("session", rule, error) from error
+
+
+def _kind_of(error: Exception, otherwise: type[EndoError]) -> type[EndoError]:
+    """Return what a failure of the runtime is here."""
+    return OutOfMemory if _core.is_out_of_resources(str(error)) else otherwise
 
 
 def padded(size: int, multiple: int) -> int:

@@ -12,8 +12,8 @@ from typing import Any
 
 from endosdk.errors import DependencyMissing, InvalidArgument, ModelHashMismatch, ModelNotFound, must_install
 from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.runtime.models import LARGEST_MODEL
 
-LARGEST_MODEL = 2**31  # bytes; a file of ONNX can hold no more
 LARGEST_SMALL_FILE = 65536  # bytes, of a key or a signature
 RULE = "must have a valid Ed25519 signature by this key"
 

@@ -13,6 +13,7 @@ from endosdk import _core
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.arguments import Picture, check_pair, check_stamp
 from endosdk.runtime.maps import Maps
+from endosdk.runtime.threads import start_thread
 
 THREAD_NAME = "endosdk-stream"
 SOURCE_PATIENCE_S = 0.2  # how long closing waits for a source that is asked for a pair and does not answer
@@ -72,8 +73,8 @@ class Feeder:
         Closing the iterator waits for what is being computed and ends the threads. A source that is held up, a camera
         that has stalled, is left behind: its thread ends when it answers, and does not keep the program from ending.
         """
+        start_thread(self._reader)
         _open_streams.add(self)
-        self._reader.start()
         try:
             self._started.wait()
             while self._stream is not None and (answer := self._stream.receive()) is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -12,8 +11,9 @@ from endosdk.errors import InvalidArgument
 from endosdk.io.progress import progress
 from endosdk.io.whole_files import whole_path
 from endosdk.live.answers import answers
-from endosdk.live.recording.recorder import LINES, RECORD, Recorder, lines_of
+from endosdk.live.recording.recorder import Recorder, lines_in
 from endosdk.live.recording.recording import TRACKS, Recording, files_of
+from endosdk.live.recording.texts import LINES, RECORD, lines_of
 from endosdk.live.recording.video_files import mux
 from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
@@ -51,7 +51,7 @@ def record(
         raise InvalidArgument("out", f"must be new: it was ended after {recorder.frames} frames", out)
     if not recorder.complete:
         _fill(recorder, source, estimator, most, temporal)
-    lines = [json.loads(line) for line in lines_of(folder)]
+    lines = lines_in(folder)
     if is_file:
         export(Recording(folder), out)
         shutil.rmtree(folder)
@@ -67,7 +67,7 @@ def record(
 def begun(out: Path) -> tuple[Path, int]:
     """Return the folder that holds what was recorded of ``out`` so far, and how many frames it has."""
     folder = _folder_of(out)
-    return folder, len(lines_of(folder))
+    return folder, len(lines_in(folder))
 
 
 def _folder_of(out: Path) -> Path:

@@ -13,21 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import StorageFailed
+from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.bounded_read import Refused
+from endosdk.io.documents import parse_json
 from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import whole_folder, write_text
 from endosdk.live.frames import Frame
 from endosdk.live.recording.sixteen_bits import STEPS, described, shares_of, to_levels
+from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
 from endosdk.live.recording.video_files import VideoWriter, join
 from endosdk.live.sources.source import DEFAULT_RATE, Source
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.overview import preview, robust_range
 from endosdk.runtime.result import DepthResult
 
-FORMAT_VERSION = 1
-RECORD = "recording.json"
-LINES = "frames.jsonl"
-PARTS = "parts"
 PART_FRAMES = 100
 
 
@@ -51,7 +50,7 @@ class Recorder:
         self._record = _claimed(out, self._settings)
         if not self.complete:
             (out / PARTS).mkdir(exist_ok=True)
-        done = [json.loads(line) for line in lines_of(out)]
+        done = lines_in(out)
         self.next_number = done[-1]["number"] + 1 if done else 0
         self._count = 0 if self.complete else len(list((out / PARTS).iterdir()))
         self.frames = len(done)
@@ -163,7 +162,7 @@ def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, tempo
 
 
 def line_of(frame: Frame, result: DepthResult) -> dict[str, Any]:
-    """Return the line on one frame. A tag that is no JSON is written as text."""
+    """Return the line on one frame. A tag that is no JSON, or more than is read back, is written as text."""
     times = result.timings
     return {
         "number": frame.number,
@@ -183,11 +182,12 @@ def line_of(frame: Frame, result: DepthResult) -> dict[str, Any]:
     }
 
 
-def lines_of(out: Path) -> list[str]:
-    """Return the lines of a recording, finished or not."""
-    if (out / LINES).is_file():
-        return (out / LINES).read_text().splitlines()
-    return [line for part in sorted((out / PARTS).glob("*")) for line in (part / LINES).read_text().splitlines()]
+def lines_in(out: Path) -> list[dict[str, Any]]:
+    """Return the lines of what was recorded so far. Raises InvalidArgument where they are not those of a recorder."""
+    try:
+        return [parse_line(line) for line in lines_of(out)]
+    except Refused as error:
+        raise InvalidArgument("out", f"{LINES} must be what this command wrote", f"{out}: {error}") from error
 
 
 def _claimed(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
@@ -206,8 +206,9 @@ def _claimed(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def _is_json(tag: object) -> bool:
+    """Whether a tag can be written, and read back as a part of its line."""
     try:
-        json.dumps(tag)
-    except (TypeError, ValueError):
+        parse_json(json.dumps({"tag": tag}))
+    except (TypeError, ValueError, RecursionError, Refused):
         return False
     return True

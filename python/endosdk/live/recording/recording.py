@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,10 @@ import numpy.typing as npt
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.io.bounded_read import Refused
 from endosdk.live.frames import Frame
-from endosdk.live.recording.recorder import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of
 from endosdk.live.recording.sixteen_bits import from_levels
+from endosdk.live.recording.texts import LINES, PARTS, RECORD, parse_line, parse_record, texts_of
 from endosdk.live.sources.decoder import load_av
 from endosdk.live.sources.source import Source, log
 from endosdk.live.sources.views import split
@@ -39,14 +39,12 @@ class Recording(Source):
         if path.is_file() and not is_recording(path):
             raise InvalidArgument("source", rule, path)
         try:
-            text, lines = _attached(path) if path.is_file() else ((path / RECORD).read_text(), lines_of(path))
-            record = json.loads(text)
-            if record["format_version"] != FORMAT_VERSION:
-                raise InvalidArgument("source", f"must be a recording of format {FORMAT_VERSION}", path)
-            self.lines: list[dict[str, Any]] = [json.loads(line) for line in lines]
-            self.settings: dict[str, Any] = record["settings"]
-        except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
-            raise SourceFailed("source", "must be a whole recording", f"{path}: {error!r}") from error
+            text, lines = _attached(path) if path.is_file() else texts_of(path)
+            record = parse_record(text)
+            self.lines: list[dict[str, Any]] = [parse_line(line) for line in lines]
+        except Refused as error:
+            raise SourceFailed("source", "must be a whole recording", f"{path}: {error}") from error
+        self.settings: dict[str, Any] = record["settings"]
         self._path = path
         self.count = len(self.lines)
         self.clock = self.settings["clock"]
@@ -57,12 +55,17 @@ class Recording(Source):
     def calibration(self) -> StereoCalibration | None:
         """The rig that the depth was computed with; None where there was none."""
         content = self.settings["calibration"]
-        return None if content is None else _rig(content)
+        try:
+            return None if content is None else _rig(content)
+        except (KeyError, TypeError, ValueError) as error:
+            raise SourceFailed(
+                "source", "must hold the rig that it was made with", f"{self.word}: {error!r}"
+            ) from error
 
     def maps(self) -> Iterator[tuple[dict[str, Any], Map]]:
         """Yield the line on every frame and its map, float32 [H, W]: depth in mm, or disparity in px without a rig."""
         step = self.settings["map"]["step"]
-        for line, levels in zip(self.lines, self._pictures("depth", "gray16le"), strict=True):
+        for line, levels in self._with_pictures("depth", "gray16le"):
             yield line, from_levels(levels, step)
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
@@ -72,10 +75,18 @@ class Recording(Source):
     def _read(self, start: int) -> Iterator[Frame]:
         if not self.settings["pictures"]:
             raise SourceFailed("source", "must hold pictures: it was recorded without them", self.word)
-        for line, pair in zip(self.lines, self._pictures("pair", "rgb24"), strict=True):
+        for line, pair in self._with_pictures("pair", "rgb24"):
             if line["number"] >= start:
                 left, right = split(pair, "side-by-side")
                 yield Frame(left, right, line["number"], line["stamp_ns"], line["tag"], line["fault"])
+
+    def _with_pictures(self, kind: str, pixels: str) -> Iterator[tuple[dict[str, Any], Any]]:
+        pictures = self._pictures(kind, pixels)
+        for line in self.lines:
+            picture = next(pictures, None)
+            if picture is None:
+                raise SourceFailed("source", f"must hold a picture of {kind} for every line", self.word)
+            yield line, picture
 
     def _pictures(self, kind: str, pixels: str) -> Iterator[Any]:
         av = load_av()
@@ -84,7 +95,7 @@ class Recording(Source):
                 with av.open(str(path)) as file:
                     for frame in file.decode(video=TRACKS.index(kind) if self._path.is_file() else 0):
                         yield frame.to_ndarray(format=pixels)
-            except (av.FFmpegError, OSError) as error:
+            except (av.FFmpegError, OSError, ValueError, IndexError) as error:  # the last two: no such track or pixels
                 raise SourceFailed("source", "a file of the recording is damaged", f"{path}: {error}") from error
 
 
@@ -101,10 +112,14 @@ def is_recording(path: Path) -> bool:
 
 
 def _attached(path: Path) -> tuple[str, list[str]]:
-    """Return the record and the lines that are attached to a Matroska file."""
-    with load_av().open(str(path)) as file:
-        found = {stream.metadata["filename"]: bytes(stream.data).decode() for stream in file.streams.attachments}
-    return found[RECORD], found[LINES].splitlines()
+    """Return the record and the lines that are attached to a Matroska file. Raises `Refused`."""
+    av = load_av()
+    try:
+        with av.open(str(path)) as file:
+            found = {stream.metadata["filename"]: bytes(stream.data).decode() for stream in file.streams.attachments}
+        return found[RECORD], found[LINES].splitlines()
+    except (av.FFmpegError, OSError, KeyError, UnicodeDecodeError) as error:
+        raise Refused("must have its record and its lines attached", repr(error)) from error
 
 
 def files_of(path: Path, kind: str) -> list[Path]:

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, InvalidArgument, SourceFailed, must_install
+from endosdk.errors import DependencyMissing, EndoError, InvalidArgument, SourceFailed, must_install
+from endosdk.io.bounded_read import Refused
+from endosdk.io.picture_bytes import check_picture_size, decode_picture
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.sources.source import Clock, Source
 
@@ -38,16 +40,15 @@ class Bag(Source):
 
     def _reader(self) -> Any:
         try:
-            from rosbags.highlevel import AnyReader, AnyReaderError
-            from rosbags.rosbag2 import ReaderError
+            from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise DependencyMissing("source", f"a bag needs rosbags, which {must_install('live')}", error) from error
         try:
             reader = AnyReader([Path(self.word)], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
-        except (AnyReaderError, ReaderError, OSError, ValueError, AssertionError) as error:
-            raise SourceFailed("source", "must be a bag that can be read", f"{self.word}: {error}") from error
+        except Exception as error:  # rosbags raises whatever its parsers come upon in a damaged file
+            raise SourceFailed("source", "must be a bag that can be read", f"{self.word}: {error!r}") from error
         reader.close()
         return AnyReader([Path(self.word)], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
@@ -62,17 +63,27 @@ class Bag(Source):
     def _read(self, start: int) -> Iterator[Frame]:
         number = 0
         with self._reader() as reader:
-            wanted = [each for each in reader.connections if each.topic in self._topics]
             waiting: tuple[deque[tuple[int, Picture]], ...] = deque(), deque()
-            for connection, received, data in reader.messages(wanted):
-                message = reader.deserialize(data, connection.msgtype)
-                stamp = message.header.stamp
-                at = stamp.sec * 10**9 + stamp.nanosec or received
-                waiting[self._topics[connection.topic]].append((at, picture_of(message, connection.topic)))
+            for topic, at, picture in self._pictures(reader):
+                waiting[self._topics[topic]].append((at, picture))
                 for left, right in self._together(*waiting):
                     if number >= start:
                         yield Frame(left[1], right[1], number, left[0])
                     number += 1
+
+    def _pictures(self, reader: Any) -> Iterator[tuple[str, int, Picture]]:
+        """Yield the topic of every picture, when it was taken, ns, and the picture."""
+        wanted = [each for each in reader.connections if each.topic in self._topics]
+        try:
+            for connection, received, data in reader.messages(wanted):
+                message = reader.deserialize(data, connection.msgtype)
+                stamp = message.header.stamp
+                at = stamp.sec * 10**9 + stamp.nanosec or received
+                yield connection.topic, at, picture_of(message, connection.topic)
+        except EndoError:
+            raise
+        except Exception as error:  # as above; a bag may also define its messages anew, without what is read of them
+            raise SourceFailed("source", "must be a bag that can be read", f"{self.word}: {error!r}") from error
 
     def _together(
         self, left: deque[tuple[int, Picture]], right: deque[tuple[int, Picture]]
@@ -91,21 +102,33 @@ class Bag(Source):
 
 
 def picture_of(message: Any, topic: str) -> Picture:
-    """Return the RGB of an Image or CompressedImage; ``topic`` names it in errors."""
-    import cv2
+    """Return the RGB of an Image or CompressedImage, uint8 [H, W, 3]; ``topic`` names it in errors.
 
+    Raises SourceFailed where it is no whole picture, InvalidArgument for an encoding that is not read.
+    """
     content = message.data  # rospy gives bytes, rclpy an array.array, rosbags an array of NumPy
     pixels = np.frombuffer(content, np.uint8) if isinstance(content, bytes) else np.asarray(content, np.uint8)
-    if hasattr(message, "format"):
-        picture = cv2.imdecode(pixels, cv2.IMREAD_COLOR)
-        if picture is None:
-            raise SourceFailed("source", "must hold pictures that OpenCV can read", topic)
-        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    try:
+        return _decoded(pixels) if hasattr(message, "format") else _unpacked(message, pixels)
+    except Refused as refused:
+        raise SourceFailed("source", f"{topic} {refused.rule}", refused.value) from refused
+
+
+def _decoded(content: Picture) -> Picture:
+    import cv2
+
+    return np.asarray(cv2.cvtColor(decode_picture(content.tobytes(), "IMREAD_COLOR"), cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _unpacked(message: Any, pixels: Picture) -> Picture:
     if message.encoding not in CHANNELS:
         raise InvalidArgument("source", f"pictures must be one of {', '.join(CHANNELS)}", message.encoding)
     channels = CHANNELS[message.encoding]
+    check_picture_size(message.width, message.height)
+    if message.step < message.width * channels:
+        raise Refused(f"must have rows of {message.width} px of {channels} bytes", f"rows of {message.step} bytes")
     if pixels.size != message.height * message.step:
-        raise InvalidArgument("source", f"{topic} must hold {message.height} rows of {message.step} bytes", pixels.size)
+        raise Refused(f"must hold {message.height} rows of {message.step} bytes", pixels.size)
     rows = pixels.reshape(message.height, message.step)
     picture = rows[:, : message.width * channels].reshape(message.height, message.width, channels)[..., :3]
     if channels == 1:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from endosdk.live.frames import Frame
 from endosdk.live.sources.source import Clock, Source
+from endosdk.runtime.threads import start_thread
 
 CLOSING_PATIENCE_S = 1.0
 
@@ -33,7 +34,7 @@ class Newest(Source):
         self._held, self._over = None, False
         stop = threading.Event()
         thread = threading.Thread(target=self._fetch, args=(start, stop), name="endosdk-source", daemon=True)
-        thread.start()
+        start_thread(thread)
         last: int | None = None
         try:
             while (frame := self._take()) is not None:

@@ -16,6 +16,7 @@ from endosdk.live.recording.recorder import Recorder
 from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.result import DepthResult
+from endosdk.runtime.threads import start_thread
 
 RATE_WINDOW = 20  # frames whose times give the rate
 CLOSING_PATIENCE_S = 5.0
@@ -64,8 +65,8 @@ class Player:
         """Begin, if that was not done before."""
         with self._change:
             if not self._begun:
+                start_thread(self._thread)
                 self._begun = True
-                self._thread.start()
 
     @property
     def playing(self) -> bool:
