@@ -30,7 +30,7 @@ def test_convert_prints_what_a_person_checks(rig_file: Path, capsys: pytest.Capt
         "640x480",
         "focal 520.5 x 521.8 px",
         "baseline    4.612 mm",
-        "turned by 1.51 degrees",
+        "rotated by 1.51 degrees",
         "to be rectified",
     ):
         assert part in shown
@@ -41,7 +41,7 @@ def test_convert_and_doctor_say_how_near_each_model_sees(rig_file: Path, capsys:
     for words in (["calibrate", "convert", str(rig_file)], ["doctor", "--calibration", str(rig_file)]):
         assert main(words) == 0
         shown = capsys.readouterr().out.splitlines()
-        rows = shown[shown.index("nearest     depth that each model sees on this rig:") + 1 :]
+        rows = shown[shown.index("nearest     depth of each model on this rig:") + 1 :]
         for name, row in zip(shipped_models(), rows, strict=False):
             nearest = DepthEstimator(name, calibration=StereoCalibration.load(rig_file)).nearest_depth_mm
             assert nearest is not None and row.split() == [name, str(math.ceil(nearest)), "mm"]
@@ -146,4 +146,4 @@ def test_a_pair_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.Captu
     right = picture_folder(tmp_path / "r", "1.png", size=(50, 80))
     words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
     assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
-    assert "; the first picture's is (80, 60)" in capsys.readouterr().err
+    assert "; the first image has (80, 60)" in capsys.readouterr().err

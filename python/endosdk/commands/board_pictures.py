@@ -25,8 +25,8 @@ def add_board(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         nargs="+",
-        help="LEFT_DIR RIGHT_DIR, folders whose names' numbers make the pairs; or one source as of `endosdk view`: a "
-        "video, /dev/videoN, LEFT,RIGHT, - (standard input)",
+        help="LEFT_DIR RIGHT_DIR: two folders, paired by the numbers in the file names. Or one source as in "
+        "`endosdk view`: a video, /dev/videoN, LEFT,RIGHT, - (standard input)",
     )
     parser.add_argument(
         "--pattern", metavar="CxR", required=True, help="columns x rows of inner corners, such as 14x10"
@@ -35,7 +35,7 @@ def add_board(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--charuco", type=float, metavar="MM", help="side of a marker in mm (default: none, the board is a chessboard)"
     )
-    parser.add_argument("--dictionary", default="4X4_50", help="set of markers, under OpenCV's name")
+    parser.add_argument("--dictionary", default="4X4_50", help="OpenCV name of the marker dictionary")
     add_reading(parser)
     parser.add_argument("--views", type=int, default=20, help="views to take from a video or a camera")
     parser.add_argument("--page", type=Path, metavar="FILE.html", help="report to write (default: none)")
@@ -91,7 +91,7 @@ def _from_folders(folders: tuple[Path, Path], board: Board) -> tuple[list[BoardV
         sizes = [(picture.shape[1], picture.shape[0]) for picture in (left, right)]
         size = size or sizes[0]
         if any(one != size for one in sizes):
-            left_out[name] = f"the sizes are {sizes[0]} and {sizes[1]}; the first picture's is {size}"
+            left_out[name] = f"the sizes are {sizes[0]} and {sizes[1]}; the first image has {size}"
             continue
         view = find_view(board, name, left, right)
         if isinstance(view, str):
