@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator
+from endosdk.calibration.boards import Board
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.commands.cli import main
+from endosdk.io.pictures import read_frame
 from endosdk.runtime.models import shipped_models
 from tests.rigs import raw_rig
 
@@ -45,6 +48,27 @@ def test_convert_and_doctor_say_how_near_each_model_sees(rig_file: Path, capsys:
         for name, row in zip(shipped_models(), rows, strict=False):
             nearest = DepthEstimator(name, calibration=StereoCalibration.load(rig_file)).nearest_depth_mm
             assert nearest is not None and row.split() == [name, str(math.ceil(nearest)), "mm"]
+
+
+@pytest.mark.parametrize("marker", [[], ["--charuco", "2.2"]], ids=["chessboard", "charuco"])
+def test_a_printed_board_has_its_true_size(tmp_path: Path, marker: list[str]) -> None:
+    words = ["calibrate", "print", "--pattern", "9x6", "--square-mm", "3.04", *marker]
+    assert main([*words, "--out", str(tmp_path / "board.png")]) == 0
+    data = (tmp_path / "board.png").read_bytes()
+    at = data.index(b"pHYs") + 4
+    across, down, unit = struct.unpack(">IIB", data[at : at + 9])
+    assert across == down and unit == 1  # pixels per metre
+    board = Board((9, 6), 3.04, float(marker[1]) if marker else None)
+    found = board.find(read_frame(tmp_path / "board.png"))
+    assert len(found) == 54
+    length = float(np.linalg.norm(found[8] - found[0])) * 1000 / across
+    assert length == pytest.approx(8 * 3.04, abs=0.02)
+
+
+def test_a_board_is_written_as_png_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", "print", "--pattern", "9x6", "--square-mm", "3", "--out", str(tmp_path / "board.jpg")]
+    assert main(words) == 2
+    assert "must be a file that ends in .png" in capsys.readouterr().err
 
 
 def test_convert_says_so_where_no_runtime_is(

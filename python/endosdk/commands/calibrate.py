@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from endosdk.commands.board_pictures import add_board, calibrate_pictures
+from endosdk.commands.board_pictures import add_board, add_shape, calibrate_pictures, named_board
 from endosdk.commands.options import add_model, known_depths, parse_size, report_nearest_depths, sentence
 from endosdk.commands.report import Report
 from endosdk.commands.sources import add_source, opened_source
@@ -42,6 +42,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     board = _way(sources, "board", "calibrate from images of a chessboard or a ChArUco board")
     add_board(board)
 
+    printed = _way(sources, "print", "write a board as an image that prints in its true size")
+    add_shape(printed)
+    printed.add_argument("--out", type=Path, metavar="FILE.png", required=True, help="image file to write")
+
     check = _way(sources, "check", "check from tissue images whether a calibration is still valid")
     refine = _way(sources, "refine", "correct the camera rotation in a calibration from tissue images")
     for parser_of_frames in (check, refine):
@@ -62,12 +66,26 @@ def run(args: argparse.Namespace) -> int:
     report = Report(args)
     if args.way in ("check", "refine"):
         return _watch(args, report)
+    if args.way == "print":
+        return _print(args, report)
     calibration = _convert(args) if args.way == "convert" else _board(args, report)
     _report_summary(report, calibration)
     if args.out:
         written = calibration.save(args.out)
         report.record["written"] = written[0] if len(written) == 1 else written
         report.line(f"written     {', '.join(str(path) for path in written)}")
+    return report.end()
+
+
+def _print(args: argparse.Namespace, report: Report) -> int:
+    from endosdk.calibration.board_print import print_board
+
+    if args.out.suffix.lower() != ".png":
+        raise InvalidArgument("out", "must be a file that ends in .png", args.out)
+    width, height = print_board(args.out, named_board(args))
+    report.record |= {"written": args.out, "width_mm": width, "height_mm": height}
+    report.line(f"written     {args.out}, {width:.0f} x {height:.0f} mm")
+    report.line("            print it at 100 %, then measure ten squares")
     return report.end()
 
 
