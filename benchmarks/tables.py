@@ -341,6 +341,17 @@ def range_end_table() -> str:
     return _table(heads, rows)
 
 
+def upsampling_table() -> str:
+    """Errors of the same network output, upsampled in two ways."""
+    rows = []
+    for name, found in _record("studies/upsampling_cycles")["models"].items():
+        cells = [f"{found[way]['epe_px']:.3f}" for way in ("bilinear", "joint_bilateral")]
+        cells += [_percent(found[way]["kpe_3"]) for way in ("bilinear", "joint_bilateral")]
+        rows.append([_marked(METHODS[name], found["model_sha256"]), *cells])
+    heads = ["method", "EPE, bilinear, px", "EPE, joint bilateral, px", "over 3 px, bilinear"]
+    return _table([*heads, "over 3 px, joint bilateral"], rows)
+
+
 def spoilt_files_table() -> str:
     """Every reader of strangers' files: spoilt ones tried, how many were read, refused by which code, anything else."""
     rows = []
@@ -394,6 +405,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,
     "temporal": temporal_table,
+    "upsampling": upsampling_table,
     "versions": lambda: versions_table(_record("studies/wang2020_versions")["versions"]),
 }
 

@@ -31,6 +31,8 @@ include_patterns = [
     "models/*.md",
     "benchmarks/README.md",
     "examples/data/README.md",
+    "ros1/README.md",
+    "ros2/README.md",
 ]
 exclude_patterns = [".*", "build", "dist", "out", "datasets", "runs", "sets"]
 root_doc = "docs/index"

@@ -47,10 +47,10 @@ def page() -> str:
     """Return the page."""
     listed = requirements()
     lines = [
-        "# The checklist of a device vendor, requirement by requirement",
+        "# Requirements and tests for device vendors",
         "",
-        "Each point of the list that vendors test, what endosdk promises for it, and the tests that hold the promise.",
-        "`tests/documents/test_requirements.py` fails where a requirement has none or names one that does not exist.",
+        "Each requirement, with the tests that verify it.",
+        "`tests/documents/test_requirements.py` fails if a requirement has no test or names a missing test.",
         "This page is written by `python scripts/requirements_page.py`.",
         "",
     ]
@@ -65,7 +65,7 @@ def page() -> str:
             if "open" in entry:
                 lines.append(f"- Open: {entry['open']}")
             lines.append("")
-    lines += ["## What reviews found", "", "Each was mended, and has a test that fails where it comes back.", ""]
+    lines += ["## What reviews found", "", "Each defect was fixed and has a regression test.", ""]
     lines += [f"- {entry['text']} {_links(entry['tests'])}" for entry in findings()]
     return "\n".join(lines).rstrip() + "\n"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator
+from endosdk.calibration.boards import Board
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.commands.cli import main
+from endosdk.io.pictures import read_frame
 from endosdk.runtime.models import shipped_models
 from tests.rigs import raw_rig
 
@@ -30,7 +33,7 @@ def test_convert_prints_what_a_person_checks(rig_file: Path, capsys: pytest.Capt
         "640x480",
         "focal 520.5 x 521.8 px",
         "baseline    4.612 mm",
-        "turned by 1.51 degrees",
+        "rotated by 1.51 degrees",
         "to be rectified",
     ):
         assert part in shown
@@ -41,10 +44,31 @@ def test_convert_and_doctor_say_how_near_each_model_sees(rig_file: Path, capsys:
     for words in (["calibrate", "convert", str(rig_file)], ["doctor", "--calibration", str(rig_file)]):
         assert main(words) == 0
         shown = capsys.readouterr().out.splitlines()
-        rows = shown[shown.index("nearest     depth that each model sees on this rig:") + 1 :]
+        rows = shown[shown.index("nearest     depth of each model on this rig:") + 1 :]
         for name, row in zip(shipped_models(), rows, strict=False):
             nearest = DepthEstimator(name, calibration=StereoCalibration.load(rig_file)).nearest_depth_mm
             assert nearest is not None and row.split() == [name, str(math.ceil(nearest)), "mm"]
+
+
+@pytest.mark.parametrize("marker", [[], ["--charuco", "2.2"]], ids=["chessboard", "charuco"])
+def test_a_printed_board_has_its_true_size(tmp_path: Path, marker: list[str]) -> None:
+    words = ["calibrate", "print", "--pattern", "9x6", "--square-mm", "3.04", *marker]
+    assert main([*words, "--out", str(tmp_path / "board.png")]) == 0
+    data = (tmp_path / "board.png").read_bytes()
+    at = data.index(b"pHYs") + 4
+    across, down, unit = struct.unpack(">IIB", data[at : at + 9])
+    assert across == down and unit == 1  # pixels per metre
+    board = Board((9, 6), 3.04, float(marker[1]) if marker else None)
+    found = board.find(read_frame(tmp_path / "board.png"))
+    assert len(found) == 54
+    length = float(np.linalg.norm(found[8] - found[0])) * 1000 / across
+    assert length == pytest.approx(8 * 3.04, abs=0.02)
+
+
+def test_a_board_is_written_as_png_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", "print", "--pattern", "9x6", "--square-mm", "3", "--out", str(tmp_path / "board.jpg")]
+    assert main(words) == 2
+    assert "must be a file that ends in .png" in capsys.readouterr().err
 
 
 def test_convert_says_so_where_no_runtime_is(
@@ -146,4 +170,4 @@ def test_a_pair_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.Captu
     right = picture_folder(tmp_path / "r", "1.png", size=(50, 80))
     words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
     assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
-    assert "; the first picture's is (80, 60)" in capsys.readouterr().err
+    assert "; the first image has (80, 60)" in capsys.readouterr().err

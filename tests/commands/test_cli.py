@@ -71,7 +71,7 @@ def test_vertical_disparity_is_in_pixels_of_the_frame(tmp_path, capsys):
     pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
     options = ["--model", str(TINY_MODEL), "--frames", "0", "--network-size", "160x120", "--out", str(tmp_path / "o")]
     main(["predict", *pair, *options])  # whether the tiny model is sure enough is not asked here
-    assert "rows differ by 3.0 px" in capsys.readouterr().out
+    assert "vertical disparity 3.0 px" in capsys.readouterr().out
 
 
 def test_an_interrupt_is_no_traceback(monkeypatch, capsys):

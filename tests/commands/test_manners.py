@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from endosdk import StereoCalibration
-from endosdk.commands.cli import VERBS, build_parser, main
+from endosdk.commands.cli import EXAMPLES, VERBS, build_parser, main
 from endosdk.errors import DependencyMissing, extra_of, install_command
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
@@ -61,6 +61,12 @@ def test_every_verb_takes_json_and_says_what_it_does_by_default(parsers):
                 groups = [group for group in parser._mutually_exclusive_groups if action in group._group_actions]
                 grouped = any(group.required for group in groups)
                 assert grouped or "default" in shown, f"{parser.prog} {action.option_strings[0]}: {shown}"
+
+
+def test_every_verb_ends_its_help_with_an_example_that_it_takes(parsers):
+    assert {parser.prog.removeprefix("endosdk ") for parser in parsers} == set(EXAMPLES)
+    for example in EXAMPLES.values():
+        build_parser(VERBS).parse_args(example.split()[1:])
 
 
 @pytest.mark.parametrize("words", [[], ["predict"], ["calibrate"], ["calibrate", "board"], ["simulate"]])
@@ -210,7 +216,7 @@ def test_doctor_rectifies_a_raw_pair_before_it_judges(capsys):
     assert main(["doctor", *pair]) == 1
     assert "not rectified" in capsys.readouterr().out
     assert main(["doctor", *pair, "--calibration", str(ROOT / "examples" / "data" / "rig.json")]) == 0
-    assert "rows differ by 0." in capsys.readouterr().out
+    assert "vertical disparity 0." in capsys.readouterr().out
 
 
 def test_doctor_sees_packages_that_overwrite_each_other(capsys, monkeypatch, tmp_path):
@@ -234,4 +240,4 @@ def test_a_calibration_that_does_not_fit_is_called_that(tmp_path, capsys):
     words = [*files, "--model", str(TINY_MODEL), "--frames", "0", "--out", str(tmp_path / "out")]
     main(["predict", *words, "--calibration", str(tmp_path / "rig.json")])
     printed = capsys.readouterr().out
-    assert "the calibration does not fit these pictures" in printed and "give --calibration" not in printed
+    assert "the calibration does not fit these images" in printed and "give --calibration" not in printed

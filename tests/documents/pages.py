@@ -9,7 +9,8 @@ from pathlib import Path
 from tests.conftest import ROOT
 
 PAGES = [
-    *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md")),
+    *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")),
+    *(ROOT / folder / "README.md" for folder in ("benchmarks", "examples/data", "ros1", "ros2")),
     *sorted((ROOT / "models").glob("*.md")),
     *(path for path in sorted((ROOT / "docs").rglob("*.md")) if not {"history", "paper"} & set(path.parts)),
 ]

@@ -56,6 +56,6 @@ def test_a_source_without_tissue_is_refused(tmp_path: Path, capsys: pytest.Captu
     RIG.save(tmp_path / "rig.json")
     words = [str(tmp_path / "rig.json"), str(tmp_path)]
     assert main(["calibrate", "check", *words]) == 1
-    assert "nothing is known of the rig" in capsys.readouterr().out
+    assert "the rig could not be measured" in capsys.readouterr().out
     assert main(["calibrate", "refine", *words, "--out", str(tmp_path / "new.json")]) == 2
     assert "none measured" in capsys.readouterr().err

@@ -222,42 +222,42 @@ typedef struct endo_image {
 /* Why a pixel is not valid: bits of endo_result.reasons, such as ENDO_REASON_OCCLUDED. Each has its name, bit and meaning here;
    give ENDO_REASONS a macro of your own for a table of them. */
 #define ENDO_REASONS(REASON) \
-    REASON(LOW_CONFIDENCE, 1, "the network does not trust its own answer, or the two views do not agree on it") \
+    REASON(LOW_CONFIDENCE, 1, "the network is unsure, or the two views do not match at this disparity") \
     REASON(OCCLUDED, 2, "a nearer surface covers the match in the right view") \
     REASON(OUTSIDE_OVERLAP, 4, "the right camera does not see this point, or the lens map has no source pixel") \
-    REASON(OUT_OF_RANGE, 8, "no finite positive depth, one outside the range asked for, or one that the network cannot find") \
-    REASON(SATURATED, 16, "all three colours of the left view are blown out: glare") \
+    REASON(OUT_OF_RANGE, 8, "no finite positive depth, or a depth outside the requested range or the range of the network") \
+    REASON(SATURATED, 16, "all three colours of the left view are overexposed: glare") \
     REASON(OUTSIDE_VIEW, 32, "outside the field of view: the optics do not fill this part of the left view")
 
 #define ENDO_REASON_BIT(name, bit, meaning) ENDO_REASON_##name = bit,
 typedef enum endo_reason { ENDO_REASONS(ENDO_REASON_BIT) } endo_reason;
 #undef ENDO_REASON_BIT
 
-/* One word on a whole frame. It follows from the frame's causes by the table in docs/trust.md. */
+/* The verdict on a whole frame. It follows from the frame's causes by the table in docs/trust.md. */
 typedef enum endo_quality {
     ENDO_QUALITY_OK = 0,              /* nothing is wrong with the frame */
-    ENDO_QUALITY_DEGRADED = 1,        /* something is wrong; pixels that have an answer can be used */
-    ENDO_QUALITY_INVALID = 2          /* do not use this frame: no pixel has an answer, or the call failed */
+    ENDO_QUALITY_DEGRADED = 1,        /* a cause was raised; the valid pixels can be used */
+    ENDO_QUALITY_INVALID = 2          /* do not use this frame: no pixel is valid, or the call failed */
 } endo_quality;
 
-/* What is wrong with a frame: places in endo_result.measures, and bits of endo_result.causes, 1 << cause. Later releases
-   may add more, up to ENDO_MOST_CAUSES. What each measure counts, and what to do, stands in docs/trust.md. */
+/* The problems of a frame: places in endo_result.measures, and bits of endo_result.causes, 1 << cause. Later releases
+   may add more, up to ENDO_MOST_CAUSES. docs/trust.md lists each measure and its remedy. */
 typedef enum endo_cause {
     ENDO_CAUSE_COVERED = 0,           /* a lens is covered, dirty or without signal */
     ENDO_CAUSE_SATURATED = 1,         /* glare or too much light */
     ENDO_CAUSE_BLURRED = 2,           /* one view is out of focus or dirty */
     ENDO_CAUSE_DIM = 3,               /* there is too little light */
-    ENDO_CAUSE_FROZEN = 4,            /* a camera or a grabber repeats an old picture */
-    ENDO_CAUSE_NOT_SIMULTANEOUS = 5,  /* the two views are of different moments */
+    ENDO_CAUSE_FROZEN = 4,            /* a camera or a grabber repeats an old image */
+    ENDO_CAUSE_NOT_SIMULTANEOUS = 5,  /* the two views were taken at different times */
     ENDO_CAUSE_SAME_VIEW_TWICE = 6,   /* one camera is connected to both inputs */
     ENDO_CAUSE_SWAPPED = 7,           /* the right camera is connected to the left input */
     ENDO_CAUSE_NOT_RECTIFIED = 8,     /* the rows of the two views do not correspond */
     ENDO_CAUSE_RIG_MOVED = 9,         /* the cameras have moved since they were calibrated */
-    ENDO_CAUSE_OUT_OF_RANGE = 10,     /* the surface is too near, too far, or beyond the depths asked for */
-    ENDO_CAUSE_LOW_TEXTURE = 11,      /* there is nothing to compare in the pictures */
+    ENDO_CAUSE_OUT_OF_RANGE = 10,     /* the surface is too near, too far, or outside the requested depths */
+    ENDO_CAUSE_LOW_TEXTURE = 11,      /* there is nothing to compare in the images */
     ENDO_CAUSE_LATE = 12,             /* the frame took longer than its deadline */
-    ENDO_CAUSE_VIEWS_DIFFER = 13,     /* the two views do not show the same */
-    ENDO_CAUSE_FEW_VALID = 14,        /* few pixels have an answer */
+    ENDO_CAUSE_VIEWS_DIFFER = 13,     /* the two views do not show the same scene */
+    ENDO_CAUSE_FEW_VALID = 14,        /* few pixels are valid */
     ENDO_CAUSE_STALE = 15             /* the pair was taken longer ago than options.max_age_ms */
 } endo_cause;
 
@@ -293,11 +293,11 @@ typedef struct endo_result {
     float *depth;                     /* mm along the optical axis; NaN where reasons are set */
     float *sigma;                     /* expected absolute error of depth, mm: the scale of a Laplace law, about two thirds
                                          of the errors are smaller; NaN as depth */
-    uint8_t *reasons;                 /* endo_reason bits; 0: the pixel has an answer */
+    uint8_t *reasons;                 /* endo_reason bits; 0: the pixel is valid */
     uint16_t *disparity_u16;          /* disparity in steps of 1/256 px, 0 where reasons are set, at most 65535 */
     uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm, 0 where reasons are set, at most 65535 */
     uint64_t frame;                   /* out: counts the frames of this estimator from 1; 0 when the call failed */
-    double valid_share;               /* out: share of pixels that have an answer */
+    double valid_share;               /* out: share of pixels that are valid */
     double rectify_ms;                /* out: time of each stage; a size's first frame builds its maps here */
     double session_ms;
     double postprocess_ms;

@@ -11,9 +11,9 @@ from endosdk.commands.report import Report
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("left", help="folder of the left views; or alone: a folder with left and right, or LEFT,RIGHT")
-    parser.add_argument("right", nargs="?", help="folder of the right views, with the same numbers in their names")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the maps; a batch begun there is continued")
+    parser.add_argument("left", help="folder of left images; or one folder that contains left and right; or LEFT,RIGHT")
+    parser.add_argument("right", nargs="?", help="folder of right images, with the same numbers in their names")
+    parser.add_argument("--out", type=Path, required=True, help="output folder; an unfinished batch is continued")
     add_model(parser)
     add_calibration(parser)
     add_session(parser, all_threads="all; 1 in each of several workers")

@@ -14,13 +14,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     parser.add_argument("--size", metavar="WxH", default="960x720", help="size of the camera frames")
     add_session(parser, threads=2)
-    parser.add_argument("--frames", type=int, default=300, help="frames timed, at least 25 for each thread")
-    parser.add_argument("--warmup", type=int, default=20, help="frames before the clock starts")
-    parser.add_argument("--load", type=int, default=0, help="other processes that keep the cores busy meanwhile")
+    parser.add_argument("--frames", type=int, default=300, help="timed frames, at least 25 per thread")
+    parser.add_argument("--warmup", type=int, default=20, help="warm-up frames, not timed")
+    parser.add_argument("--load", type=int, default=0, help="number of busy processes that run in parallel")
     parser.add_argument(
-        "--against", choices=["sgbm", "none"], default="sgbm", help="another method, timed in turns on the same frames"
+        "--against",
+        choices=["sgbm", "none"],
+        default="sgbm",
+        help="reference method, timed alternately on the same frames",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the numbers there as JSON (default: nowhere)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write results to this JSON file (default: none)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -43,15 +46,15 @@ def run(args: argparse.Namespace) -> int:
     report.line(
         f"model      {record['model']['name']} {record['model']['version']}, {args.size}, {args.threads} threads"
     )
-    report.line(f"error      {record['epe_px']:.3f} px against the truth of the rendered pairs")
+    report.line(f"error      {record['epe_px']:.3f} px against the ground truth of the rendered pairs")
     report.line(f"speed      {record['fps']:.2f} FPS")
     report.line(f"stream     {record['stream_fps']:.2f} FPS, {args.threads} frames in flight")
-    report.line(f"start-up   {record['startup_s']:.2f} s from the import to the first answer")
+    report.line(f"start-up   {record['startup_s']:.2f} s from the import to the first result")
     report.line("latency    " + ", ".join(f"{name} {value:.2f}" for name, value in latency.items()) + " ms")
     report.line("stages     " + ", ".join(f"{name} {value:.2f}" for name, value in stages.items()) + " ms")
     report.line(f"memory     {record['peak_rss_mb']:.0f} MB at most")
     for name, other in record["against"].items():
-        times = f"{other['fps']:.2f} FPS (we: {record['fps'] / other['fps']:.2f} times)"
+        times = f"{other['fps']:.2f} FPS (this model: {record['fps'] / other['fps']:.2f} times)"
         report.line(f"{name:10} {times}, {other['epe_px']:.3f} px with holes filled")
     if args.out:
         write_json(args.out, record, "out")

@@ -25,17 +25,10 @@ def add_board(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         nargs="+",
-        help="LEFT_DIR RIGHT_DIR, folders whose names' numbers make the pairs; or one source as of `endosdk view`: a "
-        "video, /dev/videoN, LEFT,RIGHT, - (standard input)",
+        help="LEFT_DIR RIGHT_DIR: two folders, paired by the numbers in the file names. Or one source as in "
+        "`endosdk view`: a video, /dev/videoN, LEFT,RIGHT, - (standard input)",
     )
-    parser.add_argument(
-        "--pattern", metavar="CxR", required=True, help="columns x rows of inner corners, such as 14x10"
-    )
-    parser.add_argument("--square-mm", type=float, metavar="MM", required=True, help="side of one square in mm")
-    parser.add_argument(
-        "--charuco", type=float, metavar="MM", help="side of a marker in mm (default: none, the board is a chessboard)"
-    )
-    parser.add_argument("--dictionary", default="4X4_50", help="set of markers, under OpenCV's name")
+    add_shape(parser)
     add_reading(parser)
     parser.add_argument("--views", type=int, default=20, help="views to take from a video or a camera")
     parser.add_argument("--page", type=Path, metavar="FILE.html", help="report to write (default: none)")
@@ -48,13 +41,31 @@ def add_board(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_shape(parser: argparse.ArgumentParser) -> None:
+    """Declare what the board looks like."""
+    parser.add_argument(
+        "--pattern", metavar="CxR", required=True, help="columns x rows of inner corners, such as 14x10"
+    )
+    parser.add_argument("--square-mm", type=float, metavar="MM", required=True, help="side of one square in mm")
+    parser.add_argument(
+        "--charuco", type=float, metavar="MM", help="side of a marker in mm (default: none, the board is a chessboard)"
+    )
+    parser.add_argument("--dictionary", default="4X4_50", help="OpenCV name of the marker dictionary")
+
+
+def named_board(args: argparse.Namespace) -> Board:
+    """Return the board that `add_shape` declared."""
+    from endosdk.calibration.boards import Board
+
+    return Board(parse_size(args.pattern, "pattern", PATTERN_RULE), args.square_mm, args.charuco, args.dictionary)
+
+
 def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardCalibration, dict[str, str]]:
     """Return the calibration, and why views were left out."""
     from endosdk.calibration.board import calibrate_views
-    from endosdk.calibration.boards import Board
     from endosdk.live.sources.words import two_folders
 
-    board = Board(parse_size(args.pattern, "pattern", PATTERN_RULE), args.square_mm, args.charuco, args.dictionary)
+    board = named_board(args)
     if len(args.source) > 2:
         raise InvalidArgument("source", "must be one source, or two folders", args.source)
     folders = two_folders(args.source[0]) if len(args.source) == 1 else (Path(args.source[0]), Path(args.source[1]))
@@ -91,7 +102,7 @@ def _from_folders(folders: tuple[Path, Path], board: Board) -> tuple[list[BoardV
         sizes = [(picture.shape[1], picture.shape[0]) for picture in (left, right)]
         size = size or sizes[0]
         if any(one != size for one in sizes):
-            left_out[name] = f"the sizes are {sizes[0]} and {sizes[1]}; the first picture's is {size}"
+            left_out[name] = f"the sizes are {sizes[0]} and {sizes[1]}; the first image has {size}"
             continue
         view = find_view(board, name, left, right)
         if isinstance(view, str):

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from endosdk.commands.board_pictures import add_board, calibrate_pictures
-from endosdk.commands.options import add_model, known_depths, parse_size, report_nearest_depths
+from endosdk.commands.board_pictures import add_board, add_shape, calibrate_pictures, named_board
+from endosdk.commands.options import add_model, known_depths, parse_size, report_nearest_depths, sentence
 from endosdk.commands.report import Report
 from endosdk.commands.sources import add_source, opened_source
 from endosdk.errors import InvalidArgument
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the ways to a rig file."""
-    sources = parser.add_subparsers(dest="way", metavar="WAY", required=True)
-    convert = _way(sources, "convert", "print what a calibration file says, and write it in another layout")
+    from endosdk.calibration.files import LAYOUTS
+
+    sources = parser.add_subparsers(dest="way", metavar="ACTION", required=True)
+    convert = _way(sources, "convert", "print a calibration file and convert it to another format")
     convert.add_argument(
         "path",
         type=Path,
         nargs="+",
         help="one calibration file or folder, or two files: left and right, or cameras and extrinsics",
     )
-    convert.add_argument(
-        "--size", metavar="WxH", help="picture size, where the file does not say it (default: what the file says)"
-    )
-    convert.add_argument("--layout", help="name of the layout (default: recognised from the content)")
-    convert.add_argument("--units", help="mm, cm or m (default: the unit of the layout)")
+    convert.add_argument("--size", metavar="WxH", help="image size, if the file has none (default: that of the file)")
+    convert.add_argument("--layout", help=f"file format: {', '.join(LAYOUTS)} (default: detected from the content)")
+    convert.add_argument("--units", help="mm, cm or m (default: the unit of the format)")
     convert.add_argument(
         "--out",
         type=Path,
@@ -39,21 +39,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="rig file to write: .json or .yaml; .opencv.yaml, .ros.yaml or .kalibr.yaml for other programs (default: "
         "none, the summary is printed only)",
     )
-    board = _way(sources, "board", "calibrate from pictures of a chessboard or a ChArUco board")
+    board = _way(sources, "board", "calibrate from images of a chessboard or a ChArUco board")
     add_board(board)
 
-    check = _way(sources, "check", "tell from frames of tissue whether a rig still fits its file")
-    refine = _way(sources, "refine", "correct a rig file from frames of tissue")
+    printed = _way(sources, "print", "write a board as an image that prints in its true size")
+    add_shape(printed)
+    printed.add_argument("--out", type=Path, metavar="FILE.png", required=True, help="image file to write")
+
+    check = _way(sources, "check", "check from tissue images whether a calibration is still valid")
+    refine = _way(sources, "refine", "correct the camera rotation in a calibration from tissue images")
     for parser_of_frames in (check, refine):
         parser_of_frames.add_argument("rig", type=Path, help="rig file")
         add_source(parser_of_frames)
         add_model(parser_of_frames)
-        parser_of_frames.add_argument("--frames", type=int, default=60, help="frames to look at, from the first on")
+        parser_of_frames.add_argument("--frames", type=int, default=60, help="number of frames to use, from the first")
     refine.add_argument("--out", type=Path, metavar="FILE", required=True, help="rig file to write, .json or .yaml")
 
 
 def _way(sources: Any, name: str, summary: str) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = sources.add_parser(name, help=summary, description=summary)
+    parser: argparse.ArgumentParser = sources.add_parser(name, help=summary, description=sentence(summary))
     return parser
 
 
@@ -62,12 +66,26 @@ def run(args: argparse.Namespace) -> int:
     report = Report(args)
     if args.way in ("check", "refine"):
         return _watch(args, report)
+    if args.way == "print":
+        return _print(args, report)
     calibration = _convert(args) if args.way == "convert" else _board(args, report)
     _report_summary(report, calibration)
     if args.out:
         written = calibration.save(args.out)
         report.record["written"] = written[0] if len(written) == 1 else written
         report.line(f"written     {', '.join(str(path) for path in written)}")
+    return report.end()
+
+
+def _print(args: argparse.Namespace, report: Report) -> int:
+    from endosdk.calibration.board_print import print_board
+
+    if args.out.suffix.lower() != ".png":
+        raise InvalidArgument("out", "must be a file that ends in .png", args.out)
+    width, height = print_board(args.out, named_board(args))
+    report.record |= {"written": args.out, "width_mm": width, "height_mm": height}
+    report.line(f"written     {args.out}, {width:.0f} x {height:.0f} mm")
+    report.line("            print it at 100 %, then measure ten squares")
     return report.end()
 
 
@@ -103,11 +121,13 @@ def _report_check(report: Report, name: str, check: RigCheck) -> None:
     report.record[name] = asdict(check)
     report.line(f"{name:11} {check.measured} of {check.frames} frames measured")
     if not check.measured:
-        report.line("            too little texture, or views that do not belong together: nothing is known of the rig")
+        report.line("            too little texture, or views of different scenes: the rig could not be measured")
         return
-    report.line(f"            rows differ by {check.vertical_disparity_px:.2f} px (median over the frames)")
+    report.line(f"            vertical disparity {check.vertical_disparity_px:.2f} px (median over the frames)")
     for axis, angle, error in zip(("x", "y", "z"), check.rotation_deg, check.rotation_se_deg, strict=True):
-        report.line(f"            right camera turned about {axis} by {angle:+.3f} degrees, standard error {error:.3f}")
+        report.line(
+            f"            right camera rotated about {axis} by {angle:+.3f} degrees, standard error {error:.3f}"
+        )
     if check.drifted:
         verdict = "the rig has moved since its calibration: run endosdk calibrate refine, or calibrate again"
     else:
@@ -135,14 +155,14 @@ def _board(args: argparse.Namespace, report: Report) -> StereoCalibration:
     report.record["vertical_disparity_px"] = {"median": median, "p95": p95}
     report.line(f"pairs       {len(result.views)} used, {len(result.refused) + len(left_out)} left out")
     report.line(f"reprojected {result.reprojection_px:.3f} px (root mean square)")
-    report.line(f"rows        differ by {median:.3f} px (median), {p95:.3f} px (95th percentile)")
+    report.line(f"rows        vertical disparity {median:.3f} px (median), {p95:.3f} px (95th percentile)")
     if result.errors is not None:
         depths = result.errors.depth_mm
         report.record["view_px"] = result.view_px
         report.record["standard_errors"] = result.errors.standard_errors
         report.record["depth_error_mm"] = {f"{mm:g}": {"middle": a, "edge": b} for mm, (a, b) in depths.items()}
         said = ", ".join(f"{middle:.2f} mm at {mm:.0f} mm" for mm, (middle, _) in depths.items())
-        report.line(f"depth       uncertain by {said} (one standard error, middle of the picture)")
+        report.line(f"depth       uncertain by {said} (one standard error, image centre)")
     if args.page:
         write_text(args.page, board_page(result, left_out, known_depths(result.calibration)))
         report.record["page"] = args.page
@@ -157,11 +177,11 @@ def _report_summary(report: Report, calibration: StereoCalibration) -> None:
     cosine = (np.trace(calibration.rotation) - 1) / 2
     degrees = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     left, right = calibration.left_matrix, calibration.right_matrix
-    report.line(f"pictures    {calibration.width}x{calibration.height}, {calibration.model} model")
+    report.line(f"images      {calibration.width}x{calibration.height}, {calibration.model} model")
     for side, camera in (("left", left), ("right", right)):
         centre = f"({camera[0, 2]:.1f}, {camera[1, 2]:.1f})"
         report.line(f"{side:11} focal {camera[0, 0]:.1f} x {camera[1, 1]:.1f} px, principal point {centre}")
-    report.line(f"baseline    {calibration.baseline_mm:.3f} mm, cameras turned by {degrees:.2f} degrees")
+    report.line(f"baseline    {calibration.baseline_mm:.3f} mm, cameras rotated by {degrees:.2f} degrees")
     state = "already rectified" if calibration.is_rectified else "to be rectified"
     report.line(f"rectified   {geometry.width}x{geometry.height}, focal {geometry.focal_px:.1f} px, {state}")
     report.line(f"sha256      {calibration.sha256}")

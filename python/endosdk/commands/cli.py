@@ -12,26 +12,44 @@ from typing import Any
 
 from endosdk import __version__
 from endosdk.commands.interrupts import interrupts_heard
-from endosdk.commands.options import Parser
+from endosdk.commands.options import Parser, sentence
 from endosdk.errors import DependencyMissing, EndoError
 
 VERBS = {
-    "predict": "compute disparity and depth of one stereo pair, as files and a picture",
-    "batch": "compute disparity and depth of every pair of an archive, on one machine or a Ray cluster",
-    "view": "show depth of a video or camera live in the browser, and measure in it",
-    "run": "record depth of a whole video or camera: lossless maps, a preview, one line for each frame",
+    "predict": "compute disparity and depth of one stereo pair and save them as files",
+    "batch": "compute disparity and depth of all pairs in two folders, on one machine or a Ray cluster",
+    "view": "show live depth of a video or camera in the browser, with measuring tools",
+    "run": "record depth of a video or camera: lossless maps, a preview video, one log line per frame",
     "replay": "write the frames and maps of a recording as files or as a ROS bag",
-    "bench": "time a model on this machine, check its error, and time another method beside it",
-    "evaluate": "score a model on a data set with truth",
-    "calibrate": "calibrate a rig from pictures of a board, convert a calibration file, or check a rig by tissue",
-    "doctor": "check this machine; with a rig or a pair, check that too",
-    "simulate": "render endoscopic stereo pairs with exact truth",
+    "bench": "measure speed and error of a model on this machine, compared with StereoSGBM",
+    "evaluate": "score a model on a data set with ground truth",
+    "calibrate": "print a board, calibrate from images of it, convert files, or check a rig from tissue images",
+    "doctor": "check this machine, a calibration or a stereo pair",
+    "simulate": "render endoscopic stereo pairs with exact ground truth",
     "train": "train a network on a data set",
-    "export": "turn a trained network into a model file",
+    "export": "export a trained network as a model file",
+}
+# One call of each command, shown at the end of its help.
+EXAMPLES = {
+    "predict": "endosdk predict left.png right.png --calibration rig.json --out out",
+    "batch": "endosdk batch LEFT_DIR RIGHT_DIR --calibration rig.json --out maps --workers 2",
+    "view": "endosdk view surgery.mp4 --calibration rig.json",
+    "run": "endosdk run surgery.mp4 --calibration rig.json --out recording",
+    "replay": "endosdk replay recording --out frames",
+    "bench": "endosdk bench --model fast --size 960x720 --threads 2",
+    "evaluate": "endosdk evaluate --model fast --data data/mix",
+    "calibrate convert": "endosdk calibrate convert rig.yaml --out rig.json",
+    "calibrate print": "endosdk calibrate print --pattern 14x10 --square-mm 3 --out board.png",
+    "calibrate board": "endosdk calibrate board LEFT_DIR RIGHT_DIR --pattern 14x10 --square-mm 3 --out rig.json",
+    "calibrate check": "endosdk calibrate check rig.json tissue.mp4",
+    "calibrate refine": "endosdk calibrate refine rig.json tissue.mp4 --out new.json",
+    "doctor": "endosdk doctor --pair left.png right.png --calibration rig.json",
+    "simulate": "endosdk simulate --organ mix --pairs 100 --test-pairs 10 --seed 1 --out data/mix",
+    "train": "endosdk train --data data/mine --init-from fast --out runs/tuned",
+    "export": "endosdk export runs/tuned --out tuned.onnx --int8 tuned-int8.onnx --data data/mix",
 }
 EXIT_STATUS = (
-    "Exit status: 0 when the result can be used, 1 when it cannot or the verb found a fault, 2 for bad input or a "
-    "missing dependency."
+    "Exit status: 0 = result usable, 1 = result not usable or fault found, 2 = bad input or missing dependency."
 )
 COMPLETION = "--print-completion"
 
@@ -81,16 +99,17 @@ def build_parser(configured: Iterable[str]) -> Parser:
         COMPLETION,
         action=_PrintCompletion,
         metavar="SHELL",
-        help="print the completion script of a shell (bash, zsh or tcsh): source it, or put it where the shell looks",
+        help="print a shell completion script for bash, zsh or tcsh; source it in your shell",
     )
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    verbs = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True)
     for name, summary in VERBS.items():
-        verb = verbs.add_parser(name, help=summary, description=summary)
+        verb = verbs.add_parser(name, help=summary, description=sentence(summary))
         if name in configured:
             importlib.import_module(f"endosdk.commands.{name}").configure(verb)
             for leaf in _leaves(verb):
-                leaf.epilog = f"{leaf.epilog} {EXIT_STATUS}" if leaf.epilog else EXIT_STATUS
-                leaf.add_argument("--json", action="store_true", help="print one JSON document instead of lines")
+                example = f"Example:\n  {EXAMPLES[leaf.prog.removeprefix('endosdk ')]}"
+                leaf.epilog = "\n\n".join(filter(None, [leaf.epilog, example, EXIT_STATUS]))
+                leaf.add_argument("--json", action="store_true", help="print JSON instead of text")
     return parser
 
 

@@ -21,9 +21,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=Path,
         metavar=("LEFT", "RIGHT"),
-        help="also say how far a pair can be trusted and what is wrong with it (default: none)",
+        help="also check a stereo pair and report its trust status and problems (default: none)",
     )
-    add_calibration(parser, "also say how near each model sees on this rig, and rectify the --pair with it")
+    add_calibration(parser, "also print the nearest depth of each model on this rig, and rectify --pair with it")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -53,7 +53,8 @@ def _packages(report: Report) -> list[str]:
     integers = _core.has_integer_units()
     report.record |= {"machine": record, "kernels": _core.isa(), "integer_units": integers, "packages": {}}
     report.line(f"endosdk      {_core.version}, kernels {_core.isa()}, {_core.threads()} threads")
-    report.line(f"8-bit units  {'yes' if integers else 'no: shipped 8-bit models give way to their float32 models'}")
+    eight_bit = "supported (AVX2 or ARM dot products)" if integers else "not supported: float32 models are used instead"
+    report.line(f"8-bit models {eight_bit}")
     report.line(f"machine      {record['cpu']}, {record['os']}, Python {record['versions']['python']}")
     for package in OPTIONAL:
         found = report.record["packages"][package] = _version(package)
@@ -106,7 +107,9 @@ def _models(report: Report) -> list[str]:
             problems.append(f"{name}: {error}")
         else:
             report.record["models"][name] = {"version": info.version, "sha256": info.sha256}
-            report.line(f"model        {name} {info.version}, up to {info.max_disparity} px, sha256 {info.sha256[:12]}")
+            limit = info.max_candidate_disparity or info.max_disparity
+            width = f" at inference width {info.inference_width}" if info.inference_width else " at the network input"
+            report.line(f"model        {name} {info.version}, up to {limit} px{width}, sha256 {info.sha256[:12]}")
     return problems
 
 

@@ -27,10 +27,10 @@ PARTS = (
 )
 SHORT = {"instrument_edges": "instruments"}
 NONE_THERE = {
-    "edges": "the truth has no depth edge",
-    "instrument_edges": "the truth has no edge of an instrument",
-    "glare": "no truth lies in glare",
-    "low_texture": "no truth lies where texture is low",
+    "edges": "the ground truth has no depth edge",
+    "instrument_edges": "the ground truth has no edge of an instrument",
+    "glare": "no ground truth lies in glare",
+    "low_texture": "no ground truth lies where texture is low",
 }
 
 
@@ -41,16 +41,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--layout",
         default="endosdk",
-        help="how the set is laid out: endosdk, scared, servct, kitti, middlebury or plain",
+        help="format of the data set: endosdk, scared, servct, kitti, middlebury or plain",
     )
-    parser.add_argument("--split", help="train or test (default: test, or the one whose truth is published)")
-    parser.add_argument("--pairs", type=int, help="use only this many pairs, from the first on (default: all)")
+    parser.add_argument("--split", help="train or test (default: test, or the split with published ground truth)")
+    parser.add_argument("--pairs", type=int, help="use only the first N pairs (default: all)")
     add_session(parser)
     parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="write scores.json there, and the worst ten pairs as pictures (default: nowhere)",
+        help="write scores.json and images of the ten worst pairs to this folder (default: none)",
     )
 
 
@@ -76,11 +76,11 @@ def run(args: argparse.Namespace) -> int:
     for part in PARTS:
         if part in scores:
             _report_part(report, part, scores[part])
-    report.line(f"time          {scores['ms_median']:.1f} ms a pair (median)")
+    report.line(f"time          {scores['ms_median']:.1f} ms per pair (median)")
     if args.out:
         pictures = write_worst(method, reader, scores, args.out / "worst")
         write_json(args.out / "scores.json", report.record, "out")
-        report.line(f"written       {args.out / 'scores.json'} and {len(pictures)} pictures in {args.out / 'worst'}")
+        report.line(f"written       {args.out / 'scores.json'} and {len(pictures)} images in {args.out / 'worst'}")
     return report.end(usable=bool(scores["all"]["valid"]))
 
 

@@ -15,33 +15,32 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the .onnx file to write (default: none, which --triton alone allows)"
     )
-    parser.add_argument("--name", help="name under which the model is loaded (default: that of the network)")
+    parser.add_argument("--name", help="model name (default: name of the network)")
     parser.add_argument("--model-version", default="1", help="version of the weights")
     parser.add_argument(
         "--data",
         type=Path,
         metavar="DIR",
-        help="set whose test split scores the model and compares it with the network (default: the data of the run)",
+        help="data set whose test split is used to score and verify the model (default: the data of the run)",
     )
     parser.add_argument(
         "--int8",
         type=Path,
         metavar="FILE",
-        help="also write the model in 8-bit integers, named after its file; ranges come from the run's data"
+        help="also write an 8-bit model, named after its file; quantisation ranges come from the training data"
         " (default: not written)",
     )
     parser.add_argument(
         "--output-stride",
         type=int,
         metavar="N",
-        help="one cell of the file's map for N x N input px, the mean of the network's own; the SDK then draws edges by"
-        " the left view (default: as it was trained)",
+        help="output one value per N x N input px; the SDK upsamples it along image edges (default: as it was trained)",
     )
     parser.add_argument(
         "--weights",
         type=Path,
         metavar="FILE",
-        help="write the weights too, to train on from there (default: not written)",
+        help="also write the weights, for later training (default: not written)",
     )
     parser.add_argument(
         "--triton",
@@ -49,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="add the model (that of --int8, if given) to a Triton repository (default: none)",
     )
-    parser.add_argument("--layout", help="how the set of --data is laid out (default: endosdk)")
+    parser.add_argument("--layout", help="format of the data set (default: endosdk)")
 
 
 def run(args: argparse.Namespace) -> int:

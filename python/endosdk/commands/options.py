@@ -18,13 +18,26 @@ if TYPE_CHECKING:
 
 
 class _Help(argparse.HelpFormatter):
-    """Help that shows every default."""
+    """Help that shows every default, keeps paragraphs apart, and leaves an example on a line of its own."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        parts = text.split("\n\n")
+        shown = (
+            part if part.startswith("Example:") else super(_Help, self)._fill_text(part, width, indent)
+            for part in parts
+        )
+        return "\n\n".join(shown)
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         shown = action.default is None or isinstance(action.default, bool) or action.default == argparse.SUPPRESS
         if shown or action.help is None or "default" in action.help:
             return action.help
         return action.help + " (default: %(default)s)"
+
+
+def sentence(summary: str) -> str:
+    """Return the summary of a command as a sentence of its own."""
+    return f"{summary[0].upper()}{summary[1:]}."
 
 
 class Parser(argparse.ArgumentParser):
@@ -50,12 +63,14 @@ class Parser(argparse.ArgumentParser):
 def add_model(parser: argparse.ArgumentParser, *, others: str = "") -> None:
     """Add which model runs."""
     parser.add_argument(
-        "--model", default="fast", help=f"shipped name, such as fast or accurate, or .onnx file{others}"
+        "--model",
+        default="fast",
+        help=f"name of a shipped model (fast, fast-320, accurate, wang2020) or a .onnx file{others}",
     )
 
 
 def add_calibration(
-    parser: argparse.ArgumentParser, use: str = "rig file; without it the pictures must be rectified already"
+    parser: argparse.ArgumentParser, use: str = "calibration file; without it, images must be rectified"
 ) -> None:
     """Add the rig of raw pairs; ``use`` says what for."""
     parser.add_argument("--calibration", type=Path, metavar="FILE", help=f"{use} (default: none)")
@@ -83,7 +98,7 @@ def report_nearest_depths(report: Report, calibration: StereoCalibration) -> Non
         report.line(f"nearest     depth of the shipped models is not known: {error}")
         return
     report.record["nearest_depth_mm"] = depths
-    report.line("nearest     depth that each model sees on this rig:")
+    report.line("nearest     depth of each model on this rig:")
     for name, depth in depths.items():
         report.line(f"            {name:14} {'not stated' if depth is None else f'{math.ceil(depth):5} mm'}")
 
@@ -93,23 +108,23 @@ def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, 
     parser.add_argument(
         "--network-size",
         metavar="WxH",
-        help="size the network works at, such as 480x360 (default: what the model is made for)",
+        help="network input size, such as 480x360 (default: set by the model)",
     )
-    parser.add_argument("--provider", default="cpu", help=f"what computes the network: {', '.join(_core.providers)}")
+    parser.add_argument("--provider", default="cpu", help=f"ONNX Runtime provider: {', '.join(_core.providers)}")
     parser.add_argument(
         "--provider-option",
         action="append",
         metavar="KEY=VALUE",
-        help="a setting of the provider, passed on unchanged; give it once for each (default: none)",
+        help="provider option, passed on unchanged; repeat for several options (default: none)",
     )
     default = "" if threads is not None else f" (default: {all_threads})"
-    parser.add_argument("--threads", type=int, default=threads, help=f"processor threads{default}")
+    parser.add_argument("--threads", type=int, default=threads, help=f"CPU threads{default}")
 
 
 def add_processes(parser: argparse.ArgumentParser) -> None:
     """Add who does the tasks of a long job."""
-    parser.add_argument("--workers", type=int, default=1, help="processes that work at the same time")
-    parser.add_argument("--ray", action="store_true", help="work on the Ray cluster of $RAY_ADDRESS, or on a local one")
+    parser.add_argument("--workers", type=int, default=1, help="number of parallel processes")
+    parser.add_argument("--ray", action="store_true", help="use the Ray cluster at $RAY_ADDRESS, or start a local one")
 
 
 def session_options(args: argparse.Namespace) -> dict[str, Any]:

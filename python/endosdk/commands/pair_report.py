@@ -88,7 +88,7 @@ def _rows(report: Report, views: tuple[Picture, Picture], *, calibrated: bool) -
     if offset.median_px is None:
         report.line(f"rows         too few matches to judge ({offset.matches})")
         return []
-    differ = f"rows differ by {offset.median_px:.2f} px (median of {offset.matches} matches)"
+    differ = f"vertical disparity {offset.median_px:.2f} px (median of {offset.matches} matches)"
     report.line(f"rows         {differ}")
     if offset.median_px <= VERTICAL_DISPARITY_LIMIT:
         return []

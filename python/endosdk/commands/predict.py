@@ -22,8 +22,8 @@ VERTICAL_DISPARITY_LIMIT = 1.5  # px; beyond it rows of the two views do not cor
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("left", type=Path, help="left view, a picture file")
-    parser.add_argument("right", type=Path, help="right view, a picture file")
+    parser.add_argument("left", type=Path, help="image file of the left view")
+    parser.add_argument("right", type=Path, help="image file of the right view")
     add_model(parser)
     add_calibration(parser)
     add_session(parser)
@@ -31,9 +31,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--truth",
         type=Path,
         metavar="FILE",
-        help="true disparity of the rectified left view, 16-bit PNG times 256 (default: none)",
+        help="true disparity of the rectified left view: 16-bit PNG, 256 x px; adds an error panel (default: none)",
     )
-    parser.add_argument("--frames", type=int, default=3, help="frames timed after the first")
+    parser.add_argument("--frames", type=int, default=3, help="number of timed repetitions")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="folder for the results")
 
 
@@ -128,7 +128,7 @@ def _report_error(report: Report, result: DepthResult, truth: FloatMap) -> None:
     bad = float(np.mean(error > 1))
     report.record["error"] = {"epe_px": float(error.mean()), "kpe_1": bad, "pixels": error.size}
     report.line(
-        f"error      {error.mean():.3f} px against the truth, {100 * bad:.1f} % of {error.size} pixels over 1 px"
+        f"error      {error.mean():.3f} px against the ground truth, {100 * bad:.1f} % of {error.size} pixels over 1 px"
     )
 
 
@@ -141,8 +141,8 @@ def _report_rows(report: Report, left: np.ndarray, right: np.ndarray, *, calibra
     if offset.median_px is None or offset.median_px <= VERTICAL_DISPARITY_LIMIT:
         return
     cause = (
-        "the calibration does not fit these pictures (another rig, a rig that moved, or the views swapped)"
+        "the calibration does not fit these images (another rig, a rig that moved, or the views swapped)"
         if calibrated
         else "the pair is not rectified; give --calibration"
     )
-    report.line(f"WARNING    rows differ by {offset.median_px:.1f} px (median): {cause}")
+    report.line(f"WARNING    vertical disparity {offset.median_px:.1f} px (median): {cause}")

@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder for left, right and depth as pictures, or FILE.mkv, FILE.mcap, FILE.bag (ROS 1), FOLDER.ros2",
+        help="folder for left, right and depth images, or FILE.mkv, FILE.mcap, FILE.bag (ROS 1), FOLDER.ros2",
     )
 
 

@@ -18,10 +18,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder, FILE.mkv, FILE.mcap, FILE.bag or FOLDER.ros2; a recording begun there is continued",
+        help="folder, FILE.mkv, FILE.mcap, FILE.bag or FOLDER.ros2; an unfinished recording is continued",
     )
-    parser.add_argument("--no-pictures", action="store_true", help="keep depth only; replay then has no frames")
-    parser.add_argument("--frames", type=int, help="stop after this many (default: at the end of the source)")
+    parser.add_argument(
+        "--no-pictures", action="store_true", help="do not record camera images; replay then gives depth only"
+    )
+    parser.add_argument(
+        "--frames", type=int, help="stop after this number of frames (default: at the end of the source)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

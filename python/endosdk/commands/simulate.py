@@ -21,29 +21,32 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
         "shapes: no organ, objects of any kind",
     ),
     "pairs": (100, "training pairs, or videos"),
-    "test_pairs": (0, "test pairs, of other seeds"),
+    "test_pairs": (0, "test pairs, with different seeds"),
     "seed": (1, "0..9999; another seed is another set"),
     "renderer": ("gl", "gl: OpenGL through EGL; cycles: Blender, path traced"),
-    "rig": ("ideal", "ideal; raw: add distorted, misaligned views and rig.json; drawn: another one for every scene"),
+    "rig": ("ideal", "ideal; raw: also distorted, misaligned views and rig.json; drawn: random rig per scene"),
     "aspect": ("fixed", "fixed, or drawn: with --rig drawn, frames of 4:3, 5:4 and 16:9"),
     "width": (960, "pixels"),
     "height": (720, "pixels"),
     "focal": (400.0, "focal length in pixels"),
     "baseline": (10.0, "mm between the lenses"),
-    "min_disparity": (2.0, "px, aimed at"),
-    "max_disparity": (69.5, "px, never exceeded (default: 69.5; with --rig drawn 25 %% of the width)"),
-    "faults": (False, "spoil the pictures: field of view, rows, blur of one eye, glare, smoke, noise and more"),
-    "video": (False, "move along the path: every pair becomes a video of frames"),
-    "frames": (100, "frames of each video, 25 a second"),
+    "min_disparity": (2.0, "px, target value"),
+    "max_disparity": (69.5, "px, upper limit (default: 69.5; with --rig drawn 25 %% of the width)"),
+    "faults": (
+        False,
+        "add image faults: field of view, vertical disparity, blur of one view, glare, smoke, noise and more",
+    ),
+    "video": (False, "render a video with a moving camera instead of each pair"),
+    "frames": (100, "frames of each video, 25 per second"),
     "shutter": (0.0, "video: share of the frame time it is open"),
     "motion_blur": (0.0, "pairs: longest streak in px"),
-    "chroma": (False, "one colour for four pixels, as in 4:2:0 video"),
+    "chroma": (False, "4:2:0 chroma subsampling"),
     "bubbles": (False, "draw bubbles in the film on a mucosa"),
-    "emitters": (2, "1 or 2: places at the camera from which light comes"),
-    "vignetting": (True, "all corners equally bright"),
-    "glare": (True, "no light scattered over the picture"),
-    "exposure_difference": (True, "both chips equally bright and of one tint"),
-    "noise": (True, "no noise of the chips"),
+    "emitters": (2, "1 or 2: number of lamps at the camera"),
+    "vignetting": (True, "no vignetting"),
+    "glare": (True, "no scattered light"),
+    "exposure_difference": (True, "same exposure and tint in both sensors"),
+    "noise": (True, "no sensor noise"),
     "compression": (True, "no JPEG artefacts"),
 }
 
@@ -57,23 +60,22 @@ def _option(name: str) -> str:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder to write the data set to; a set begun there is continued"
-    )
+    what.add_argument("--out", type=Path, metavar="DIR", help="output folder; an unfinished data set is continued")
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
         "--spoil",
         type=Path,
         metavar="DIR",
-        help="render nothing: write the pairs of this set with --faults into --out (default: render)",
+        help="do not render: add --faults to this existing set and write it to --out (default: render)",
     )
     parser.add_argument(
         "--recipe",
         metavar="NAME",
-        help="a published set, such as endosim-lap; settles all but --pairs and --test-pairs (default: none)",
+        help="recipe of a published set, such as endosim-lap; fixes all options except --pairs and --test-pairs "
+        "(default: none)",
     )
-    described = parser.add_argument_group("what describes a set")
+    described = parser.add_argument_group("data set options")
     for name, (default, text) in _SETTINGS.items():
         if isinstance(default, bool):
             action = "store_false" if default else "store_true"
@@ -86,14 +88,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--textures",
         type=Path,
         metavar="DIR",
-        help="pictures of real tissue whose colours the organs take, evenly lit (default: drawn colours)",
+        help="images of real tissue, used as colour textures (default: random colours)",
     )
     add_processes(parser)
     parser.add_argument(
         "--cycles-python",
         type=Path,
         metavar="PATH",
-        help="a Python that has bpy, for --renderer cycles (default: that of --setup-cycles)",
+        help="a Python with bpy, for --renderer cycles (default: that of --setup-cycles)",
     )
 
 

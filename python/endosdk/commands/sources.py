@@ -26,17 +26,19 @@ def add_source(parser: argparse.ArgumentParser) -> None:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Declare how a source is read."""
     parser.add_argument(
-        "--layout", choices=get_args(Layout), default="side-by-side", help="how one picture holds two views"
+        "--layout", choices=get_args(Layout), default="side-by-side", help="arrangement of the two views in one image"
     )
     parser.add_argument(
         "--queue", choices=get_args(Queue), default="auto", help="auto: every frame of a file, the newest of a camera"
     )
     parser.add_argument(
-        "--scan", choices=get_args(Scan), default="auto", help="auto: deinterlace what says it is interlaced"
+        "--scan", choices=get_args(Scan), default="auto", help="auto: deinterlace frames flagged as interlaced"
     )
-    parser.add_argument("--rate", type=float, help="frames a second, where the source has no time stamps (default: 25)")
+    parser.add_argument("--rate", type=float, help="frames per second, if the source has no time stamps (default: 25)")
     parser.add_argument(
-        "--raw", metavar="FORMAT:WxH", help="bare pixels on standard input: uyvy422:1920x1080 (default: Y4M)"
+        "--raw",
+        metavar="FORMAT:WxH",
+        help="raw pixel format on standard input, such as uyvy422:1920x1080 (default: Y4M)",
     )
 
 
@@ -45,9 +47,7 @@ def add_estimator(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     add_calibration(parser)
     add_session(parser)
-    parser.add_argument(
-        "--temporal", action="store_true", help="steady in time: draw each frame's depth towards the one before"
-    )
+    parser.add_argument("--temporal", action="store_true", help="temporal filter: reduce flicker between frames")
 
 
 def opened_source(args: argparse.Namespace, word: str | None = None) -> Source:

@@ -9,50 +9,54 @@ from typing import Any
 
 from endosdk.commands.report import Report
 from endosdk.training.config import TrainConfig
+from endosdk.training.looks import LOOKS
 
 # Settings that the command line offers, with the text that --help shows; the rest keep the defaults of TrainConfig.
 _SETTINGS: dict[str, tuple[type, str]] = {
     "max_disparity": (int, "range of the network in px, a multiple of 8"),
     "inference_width": (
         int,
-        "width in px at which frames are to be seen; narrower is quicker (default: the network's own)",
+        "inference width, px; smaller is faster (default: the network's own)",
     ),
-    "layout": (str, "how the data set is laid out"),
-    "train_pairs": (int, "use only the first so many pairs (default: all but those held out)"),
+    "layout": (str, "format of the data set"),
+    "train_pairs": (int, "use only the first N pairs (default: all but those held out)"),
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
     "init_from": (
         str,
-        "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from; their recipe is"
-        " the default of every setting that made them, at the rates of its last third (default: none)",
+        "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from. Their recipe"
+        " gives the defaults; learning rates are those of its last third (default: none)",
     ),
     "batch": (int, "pairs per step and process"),
     "workers": (int, "extra processes that prepare crops"),
     "seed": (int, "seed of weights and crops"),
-    "dense_disparity": (int, "px up to which fast and cascade have all planes, beyond it half (default: all planes)"),
+    "dense_disparity": (
+        int,
+        "disparity up to which fast and cascade use every plane; above, every second plane (default: all planes)",
+    ),
     "mode_reach": (
         int,
-        "planes on either side of the likeliest from which fast and cascade read their answer (default: all planes)",
+        "planes on each side of the best one used for the result (fast, cascade) (default: all planes)",
     ),
-    "volume_weight": (float, "weight of the cross-entropy of the volume that fast searches"),
+    "volume_weight": (float, "weight of the cross-entropy loss on the cost volume"),
     "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),
     "output_stride": (
         int,
-        "input px per cell of the model file's map; training sees such maps, upsampled (default: the network's own)",
+        "input px per cell of the model output; training upsamples such maps (default: the network's own)",
     ),
-    "steps": (int, "steps in all; 0: only fit the confidence, to the held-out pairs"),
+    "steps": (int, "training steps; 0: only calibrate the confidence on the held-out pairs"),
     "optimiser": (str, "rmsprop, adamw or muon"),
     "rate": (float, "learning rate at the start"),
     "final_rate": (float, "learning rate at the end"),
     "decay": (
         str,
-        "how the rate falls: exponential, linear, epochs (in --epochs steps) or drop (once, after two thirds)",
+        "learning-rate schedule: exponential, linear, epochs (in --epochs steps) or drop (once, after two thirds)",
     ),
     "epochs": (int, "parts of the run in which the rate is held, with --decay epochs"),
-    "refine_from_step": (int, "train the coarse stage alone until this step"),
+    "refine_from_step": (int, "train only the coarse stage until this step"),
     "precision": (str, "auto, fp32 or bf16"),
     "device": (str, "auto, cpu or cuda"),
-    "threads": (int, "processor threads of each process (default: what torch takes)"),
+    "threads": (int, "CPU threads per process (default: that of PyTorch)"),
     "validate_every": (int, "steps between validations"),
     "checkpoint_minutes": (float, "minutes between checkpoints"),
 }
@@ -66,8 +70,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", required=True, help="folder of the run: checkpoint, log.csv, log.json"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the run in --out")
-    parser.add_argument("--network", help="wang2020, wang2020-photometric, fast or cascade" + _default("network"))
+    parser.add_argument("--resume", action="store_true", help="continue the run in --out")
+    parser.add_argument(
+        "--network",
+        help="wang2020, wang2020-photometric, fast, or cascade (the network of the model accurate)"
+        + _default("network"),
+    )
     parser.add_argument(
         "--crop", type=int, nargs=2, metavar=("H", "W"), help="size of the crops, px (default: the network's own)"
     )
@@ -76,17 +84,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=int,
         nargs=2,
         metavar=("H", "W"),
-        help="part of the crop that the refinement sees, px (default: all)",
+        help="crop size for the refinement stage, px (default: all)",
     )
     parser.add_argument(
-        "--refine-only", action="store_true", default=None, help="let only the refinement learn (with --init-from)"
+        "--refine-only", action="store_true", default=None, help="train only the refinement stage (with --init-from)"
     )
     parser.add_argument(
-        "--looks", nargs="*", metavar="NAME", help="looks of real endoscopes given to pairs (default: none)"
+        "--looks",
+        nargs="*",
+        metavar="NAME",
+        help=f"augmentations with faults of real endoscopes: {', '.join(LOOKS)} (default: none)",
     )
-    parser.add_argument(
-        "--no-augment", dest="augment", action="store_false", default=None, help="plain crops, colours unchanged"
-    )
+    parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="no augmentation")
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text + _default(name))
 

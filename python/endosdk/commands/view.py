@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.epilog = (
-        "This is the one verb that opens a socket. It listens on the loopback address alone, and answers only "
-        "those who know the token in the address that it prints."
+        "Only this command opens a socket. It listens on 127.0.0.1. Every request needs the token in the printed "
+        "address."
     )
     add_source(parser)
     add_estimator(parser)
-    parser.add_argument("--port", type=int, default=0, help="port on the loopback address (default: any that is free)")
-    parser.add_argument("--open", action="store_true", help="open the page in the browser of this desktop")
-    parser.add_argument("--paused", action="store_true", help="start paused, until play or step is pressed")
-    parser.add_argument("--recordings", type=Path, default=Path(), help="folder into which the record button writes")
+    parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1 (default: a free port)")
+    parser.add_argument("--open", action="store_true", help="open the page in the default browser")
+    parser.add_argument("--paused", action="store_true", help="start paused")
+    parser.add_argument("--recordings", type=Path, default=Path(), help="folder for recordings of the record button")
     parser.add_argument(
-        "--rerun", type=Path, metavar="FILE.rrd", help="also write a file for the viewer of Rerun (default: none)"
+        "--rerun", type=Path, metavar="FILE.rrd", help="also write a file for the Rerun viewer (default: none)"
     )
 
 
