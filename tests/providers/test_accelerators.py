@@ -41,10 +41,11 @@ def test_every_model_is_computed_there(accelerator, model):
     assert not {name for name in elsewhere if "Conv" in name or "MatMul" in name or name == "Shape"}
 
 
-def test_answers_are_those_of_the_processor_at_every_size(accelerator):
-    processor = StereoSession(read_model(TINY_MODEL))
-    here = StereoSession(read_model(TINY_MODEL), provider=accelerator.name, provider_options=accelerator.options)
-    for height, width in [*SIZES, SIZES[0]]:
+def check_answers(accelerator, model, sizes) -> None:
+    """Both sessions see the same pair of a plane at 9 px, at each (height, width)."""
+    processor = StereoSession(model)
+    here = StereoSession(model, provider=accelerator.name, provider_options=accelerator.options)
+    for height, width in sizes:
         answers = []
         for session in (processor, here):
             buffers = session.buffers(height, width)
@@ -55,6 +56,15 @@ def test_answers_are_those_of_the_processor_at_every_size(accelerator):
         np.testing.assert_allclose(answers[1][0], answers[0][0], rtol=0, atol=accelerator.tolerance_px)
         np.testing.assert_allclose(answers[1][1], answers[0][1], rtol=0, atol=accelerator.tolerance_px)
         assert np.median(answers[1][0]) == pytest.approx(9, abs=0.5)
+
+
+def test_answers_are_those_of_the_processor_at_every_size(accelerator):
+    check_answers(accelerator, read_model(TINY_MODEL), [*SIZES, SIZES[0]])
+
+
+@pytest.mark.parametrize("model", MODELS[1:], ids=lambda model: model.rpartition("/")[2])
+def test_answers_of_every_shipped_model_are_those_of_the_processor(accelerator, model):
+    check_answers(accelerator, read_model(model), SIZES[1:])
 
 
 def test_frames_through_the_estimator(accelerator):
