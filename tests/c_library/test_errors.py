@@ -44,10 +44,21 @@ def rename_input(onnx, model):
 
 
 def double_disparity(onnx, model):
-    for node in model.graph.node:
-        node.output[:] = ["half" if name == "disparity" else name for name in node.output]
-        node.input[:] = ["half" if name == "disparity" else name for name in node.input]
-    model.graph.node.append(onnx.helper.make_node("Add", ["half", "half"], ["disparity"]))
+    replace_output(model, "disparity", onnx.helper.make_node("Add", ["before", "before"], ["disparity"]))
+
+
+def no_confidence(onnx, model):
+    """The logarithm of a negative number is none."""
+    replace_output(model, "confidence", onnx.helper.make_node("Neg", ["before"], ["negative"]))
+    model.graph.node.append(onnx.helper.make_node("Log", ["negative"], ["confidence"]))
+
+
+def replace_output(model, output, node):
+    """Let a node make an output of what it was before."""
+    for earlier in model.graph.node:
+        earlier.output[:] = ["before" if name == output else name for name in earlier.output]
+        earlier.input[:] = ["before" if name == output else name for name in earlier.input]
+    model.graph.node.append(node)
 
 
 @pytest.mark.parametrize(
@@ -180,9 +191,17 @@ def test_a_runtime_that_is_too_old_is_refused_by_its_version(library, tmp_path):
     assert seen.value.name == "RUNTIME_MISSING"
 
 
-def test_self_test_finds_a_wrong_answer(library):
-    estimator = c.CEstimator(library, edited_model(double_disparity))
-    with pytest.raises(c.CError, match="half of a plane") as seen:
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        (double_disparity, "self test: disparity: at least half of a plane"),
+        (no_confidence, "self test: depth: at least half of a plane"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_self_test_finds_a_wrong_answer(library, change, rule):
+    estimator = c.CEstimator(library, edited_model(change))
+    with pytest.raises(c.CError, match=rule) as seen:
         estimator.self_test()
     estimator.close()
     assert seen.value.name == "SELF_TEST_FAILED"

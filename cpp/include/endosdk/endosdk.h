@@ -383,7 +383,8 @@ ENDO_API void endo_stream_close(endo_stream *stream);
 
 /* ---- Operation ---- */
 
-/* Run a built-in pair of known disparity through the loaded model twice and check answer and repeatability. */
+/* Send a built-in pair of known depth the whole way of a frame, twice: rectification, the loaded model, every map. At least
+   half of it must be right to a pixel of disparity, the maps must agree, and both answers must be the same bytes. */
 ENDO_API endo_status endo_self_test(endo_estimator *estimator);
 
 /* Write versions, hashes, settings, frame counts and latencies as JSON into buffer, and the size it needs, with the

@@ -268,7 +268,7 @@ void FramePath::self_test() {
   Work work(cancelling_);
   const ThreadCount threads(settings_.threads);
   const Size picture = slot_ ? slot_->stage().picture() : usual_size();
-  run_self_test(*sessions_.of(picture), picture, work);
+  run_self_test(sessions_.of(picture), picture, work);
 }
 
 void FramePath::close() {

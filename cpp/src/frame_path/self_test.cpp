@@ -3,111 +3,135 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <string>
+#include <limits>
 #include <vector>
 
-#include "frame_path/rectify_stage.hpp"
+#include "frame_path/known_pair.hpp"
+#include "frame_path/slot.hpp"
 #include "platform/errors.hpp"
 
 namespace endosdk {
 namespace {
 
-void require_answer(bool holds, const char* what, const char* rule, const std::string& seen) {
+// What must be right of the part of the plane that both views show.
+constexpr double least_share = 0.5;
+
+// Whatever a model thinks of its answer: what it answers is compared with the truth.
+constexpr Limits every_answer = {0.0, 0.0, std::numeric_limits<double>::infinity(), 0.1};
+
+template <typename Rule, typename Seen>
+void require_answer(bool holds, const char* what, const Rule& rule, const Seen& seen) {
   require(holds, ENDO_SELF_TEST_FAILED, what, rule, seen);
 }
 
-// A reproducible value of 0 to 255 for each lattice point.
-int lattice(uint32_t x, uint32_t y, uint32_t channel) {
-  uint32_t h = x * 0x9e3779b1u ^ y * 0x85ebca77u ^ channel * 0xc2b2ae3du;
-  h = (h ^ h >> 15) * 0x2c1b3c6du;
-  h = (h ^ h >> 12) * 0x297a2d39u;
-  return static_cast<int>((h ^ h >> 15) & 255u);
-}
-
-// The lattice of this cell size, blended between its points; whole numbers, so that every machine sees the same picture.
-int blotch(int x, int y, int cell, int channel) {
-  const auto at = [&](int i, int j) {
-    return lattice(static_cast<uint32_t>(x / cell + i), static_cast<uint32_t>(y / cell + j),
-                   static_cast<uint32_t>(channel + 4 * cell));
-  };
-  const int u = x % cell;
-  const int v = y % cell;
-  const int upper = at(0, 0) * (cell - u) + at(1, 0) * u;
-  const int lower = at(0, 1) * (cell - u) + at(1, 1) * u;
-  return (upper * (cell - v) + lower * v) / (cell * cell);
-}
-
-// A plane that faces the cameras, textured like tissue: blotches over fine grain.
-std::vector<uint8_t> picture_of_plane(Size size, int shift) {
-  std::vector<uint8_t> pixels;
-  pixels.reserve(size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height));
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      for (int channel = 0; channel < 3; ++channel) {
-        const int value = 2 * blotch(x + shift, y, 4, channel) + blotch(x + shift, y, 11, channel) +
-                          blotch(x + shift, y, 41, channel);
-        pixels.push_back(static_cast<uint8_t>((channel == 0 ? 60 : 20) + value * 40 / 256));
-      }
-    }
-  }
-  return pixels;
-}
-
-ImageView view_of(const std::vector<uint8_t>& pixels, Size size) {
-  return {pixels.data(), size.width, size.height, 3, ptrdiff_t{3} * size.width};
+void require_share(double share, const char* what, const char* rule) {
+  require_answer(share >= least_share, what, rule, Text(100.0 * share, " %"));
 }
 
 // The map of a rig that needs no rectification moves no pixel, so it must give the very bytes of repacking.
-void check_rectifier(const std::vector<uint8_t>& pixels, Size size, const PlanarView& packed) {
+void check_rectifier(const FramePair& pair) {
+  const Size size = pair.size();
+  const size_t bytes = size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height);
+  std::vector<uint8_t> packed(2 * bytes);
+  std::vector<uint8_t> rectified(2 * bytes);
+  const auto view = [&](std::vector<uint8_t>& planes, size_t first) { return PlanarView{planes.data() + first, size.width, size.height}; };
+  pack(pair.left, pair.right, view(packed, 0), view(packed, bytes), pair.order);
   const Rig rig = Rig::identity(size);
-  const Rectifier rectifier = rig.rectifier(rig.geometry(), Border::fading);
-  std::vector<uint8_t> left(size_t{3} * static_cast<size_t>(packed.width) * static_cast<size_t>(packed.height));
-  std::vector<uint8_t> right(left.size());
-  const ImageView source = view_of(pixels, size);
   RectifyScratch scratch;
-  rectifier.rectify(source, source, {left.data(), packed.width, packed.height}, {right.data(), packed.width, packed.height},
-                    ChannelOrder::rgb, scratch);
-  require_answer(std::memcmp(left.data(), packed.data, left.size()) == 0, "self test: rectify",
-                 "must leave a rectified picture as it is", "other bytes");
+  rig.rectifier(rig.geometry(), Border::fading)
+      .rectify(pair.left, pair.right, view(rectified, 0), view(rectified, bytes), pair.order, scratch);
+  require_answer(packed == rectified, "self test: rectify", "must leave a rectified picture as it is", "other bytes");
 }
 
-// Share of the grid's pixels, beyond the band that the right view does not see, whose disparity is right to a pixel.
-double share_of_right_pixels(const MutableFloatView& map, int stride, Size picture, int truth) {
-  const int right_end = picture.width / stride;
-  const int rows = picture.height / stride;
-  int right = 0;
-  int count = 0;
-  for (int y = 0; y < rows; ++y) {
-    for (int x = std::min(2 * truth / stride + 1, right_end); x < right_end; ++x) {
-      const float found = map.data[static_cast<int64_t>(y) * map.width + x];
-      right += std::fabs(found - static_cast<float>(truth)) <= 1.0f;
-      ++count;
+// What is said of one frame, its maps in memory of their own.
+struct Answer {
+  FrameReport report;
+  std::vector<float> disparity, confidence, depth, sigma;
+  std::vector<uint8_t> reasons;
+
+  explicit Answer(size_t pixels) : disparity(pixels), confidence(pixels), depth(pixels), sigma(pixels), reasons(pixels) {}
+
+  MapsOut maps() { return {disparity.data(), confidence.data(), depth.data(), sigma.data(), reasons.data(), nullptr, nullptr}; }
+
+  // By their bytes: no number is what a pixel without depth holds.
+  bool same_as(const Answer& other) const {
+    const auto same = [](const auto& a, const auto& b) { return std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0; };
+    return same(disparity, other.disparity) && same(confidence, other.confidence) && same(depth, other.depth) &&
+           same(sigma, other.sigma) && same(reasons, other.reasons);
+  }
+};
+
+Answer ask(Slot& slot, const KnownPair& pair, Work& work) {
+  Answer answer(static_cast<size_t>(pair.size().width) * static_cast<size_t>(pair.size().height));
+  slot.rectify(pair.frames(), answer.report);
+  slot.infer(work, answer.report);
+  slot.answer(answer.maps(), every_answer, &pair.rig(), work, answer.report);
+  return answer;
+}
+
+// Share of the plane, beyond the band that the right view does not show, of whose pixels `holds` is true.
+template <typename Holds>
+double share_of_plane(const KnownPair& pair, const Holds& holds) {
+  const Size size = pair.size();
+  const int first = std::min(static_cast<int>(2.0 * pair.disparity_px(pair.depth_mm())) + 1, size.width);
+  int held = 0;
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = first; x < size.width; ++x) {
+      held += holds(static_cast<size_t>(y) * static_cast<size_t>(size.width) + static_cast<size_t>(x)) ? 1 : 0;
     }
   }
-  return count > 0 ? static_cast<double>(right) / count : 0.0;
+  const int count = (size.width - first) * size.height;
+  return count > 0 ? static_cast<double>(held) / count : 0.0;
+}
+
+// Each pixel has either a reason, or the depth of its disparity and an error of it.
+void check_agreement(const Answer& answer, const KnownPair& pair) {
+  constexpr double rounding_px = 1e-3;
+  int count = 0;
+  for (size_t i = 0; i < answer.reasons.size(); ++i) {
+    const bool valid = answer.reasons[i] == 0;
+    require_answer(std::isfinite(answer.depth[i]) == valid, "self test: reasons", "must be set exactly where there is no depth",
+                   Text(int{answer.reasons[i]}, " at a depth of ", answer.depth[i]));
+    if (!valid) continue;
+    ++count;
+    require_answer(std::fabs(pair.disparity_px(answer.depth[i]) - double{answer.disparity[i]}) <= rounding_px, "self test: depth",
+                   "must be that of the disparity", Text(answer.depth[i], " mm at ", answer.disparity[i], " px"));
+    require_answer(std::isfinite(answer.sigma[i]) && answer.sigma[i] > 0.0f, "self test: sigma",
+                   "must be a positive number where there is a depth", answer.sigma[i]);
+  }
+  const double share = count / static_cast<double>(answer.reasons.size());
+  require_answer(answer.report.valid_share == share, "self test: valid share", Text("must be that of the reasons, ", share),
+                 answer.report.valid_share);
+}
+
+// Networks find a plane whose rows are some pixels off, too.
+void check_rows(const PoseError& found) {
+  require_answer(!found.measured || found.vertical_px <= 1.0, "self test: rectify", "rows must match to a pixel", found.vertical_px);
+}
+
+void check_plane(const Answer& answer, const KnownPair& pair) {
+  const double truth = pair.disparity_px(pair.depth_mm());
+  const auto is_right = [&](double disparity) { return std::fabs(disparity - truth) <= 1.0; };
+  require_share(share_of_plane(pair, [&](size_t i) { return is_right(answer.disparity[i]); }), "self test: disparity",
+                "at least half of a plane must be right to a pixel");
+  require_share(share_of_plane(pair, [&](size_t i) { return is_right(pair.disparity_px(answer.depth[i])); }), "self test: depth",
+                "at least half of a plane must have its depth, to a pixel of disparity");
+  check_agreement(answer, pair);
+  check_rows(answer.report.pose);
 }
 
 }  // namespace
 
-void run_self_test(Session& session, Size picture, Work& work) {
-  const ModelInfo& model = session.model();
-  const int truth = std::max(1, std::min(16, model.max_disparity / 4));
-  const std::vector<uint8_t> left = picture_of_plane(picture, 0);
-  const std::vector<uint8_t> right = picture_of_plane(picture, truth);
-  SessionBuffers buffers(picture, model);
-  const std::unique_ptr<Session::Run> run = session.bind(buffers);
-  pack(view_of(left, picture), view_of(right, picture), buffers.left(), buffers.right(), ChannelOrder::rgb);
-  check_rectifier(left, picture, buffers.left());
-
-  work.run(*run);
-  const MutableFloatView map = buffers.disparity();
-  const std::vector<float> first(map.data, map.data + static_cast<int64_t>(map.width) * map.height);
-  const double share = share_of_right_pixels(map, model.output_stride, picture, truth);
-  require_answer(share >= 0.5, "self test: disparity", "at least half of a plane must be right to a pixel",
-                 std::to_string(100.0 * share) + " %");
-  work.run(*run);
-  require_answer(std::memcmp(first.data(), map.data, first.size() * sizeof(float)) == 0, "self test: repetition",
-                 "the same pair must give the same answer", "another one");
+void run_self_test(std::shared_ptr<Session> session, Size picture, Work& work) {
+  const int shift = std::max(1, std::min(16, session->model().max_disparity / 4));
+  const KnownPair pair(picture, shift);
+  check_rectifier(pair.frames());
+  auto stage = std::make_shared<const RectifyStage>(picture, &pair.rig(), picture, [&] { work.check(); });
+  Slot slot(std::move(stage), std::move(session));
+  const Answer first = ask(slot, pair, work);
+  check_plane(first, pair);
+  require_answer(ask(slot, pair, work).same_as(first), "self test: repetition", "the same pair must give the same answer",
+                 "another one");
 }
 
 }  // namespace endosdk

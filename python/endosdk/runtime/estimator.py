@@ -279,7 +279,7 @@ class DepthEstimator:
         self._path.cancel()
 
     def self_test(self) -> None:
-        """Run a built-in pair of known disparity twice; raises `SelfTestFailed` where answer or repetition is wrong."""
+        """Send a built-in pair of known depth the whole way, twice; raises `SelfTestFailed` where one is wrong."""
         self._path.self_test()
 
     def diagnostics(self) -> dict[str, Any]:
