@@ -14,7 +14,8 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -48,6 +49,7 @@ PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DO
 STALE = r"\*"  # behind the label of a row whose model file no longer ships
 STALE_NOTE = f"{STALE} Measured with a file that no longer ships; the record has its version and hash."
 
+CARDS = ("fast", "fast-320", "accurate", "wang2020")
 METHODS = {
     "fast": "**fast** (8-bit)",
     "fast-fp32": "fast-fp32",
@@ -79,9 +81,14 @@ SHORT_SPEEDS = {
 TEST_SETS = {  # record and label, for the tables of one model
     "accuracy/accuracy": "`endosim-gi`, rendered, 100 pairs",
     "accuracy/accuracy_cycles": "`endosim-gi-cycles`, path-traced, 60 pairs",
-    "accuracy/accuracy_lap": "`endosim-lap`, instruments and spoilt pictures, 100 pairs",
+    "accuracy/accuracy_lap": "`endosim-lap`, instruments and image faults, 100 pairs",
     "accuracy/accuracy_lap_cycles": "`endosim-lap-cycles`, path-traced, 40 pairs",
 }
+PAIRS = {"clean": "clean", "spoilt": "degraded"}  # as a record and as a page name them
+# The pairs of a card's table on trust, besides those with a fault.
+CARD_RUNS = ("1920x1080", "1thread")  # besides the run at 960 x 720 on two threads
+CARD_CASES = ("clean", "noise of 12 grey levels", "JPEG of quality 20")
+WIDEST_UNRESIZED = 960  # px; wider frames are resized for a model that states no inference width
 # Focal length over frame width and baseline in mm of three published rigs.
 RIGS = {
     "a da Vinci (f/w 0.96, 4.1 mm)": (0.96, 4.1),
@@ -140,7 +147,7 @@ def trust_table(model: str) -> str:
     rows = []
     for case, found in record["cases"].items():
         shares = (found["right_called_valid"], found["wrong_called_valid"], found["within_sigma"], found.get("named"))
-        frames = ", ".join(f"{count} {status}" for status, count in sorted(found["status"].items()))
+        frames = _frames(found["status"])
         # A fault has no pixels to judge: nothing of the frame is to be used.
         judged = shares if "named" not in found else (None, None, None, shares[3])
         rows.append([case, frames, *("" if share is None else _percent(share) for share in judged)])
@@ -161,7 +168,7 @@ def min_confidence_table() -> str:
                 row += [_percent(clean[threshold][kind]), _percent(median(one[threshold][kind] for one in spoilt))]
         rows.append(row)
     heads = [
-        f"{name}, {kind}, {pairs}" for name in kinds for kind in ("right", "wrong") for pairs in ("clean", "spoilt")
+        f"{name}, {kind}, {pairs}" for name in kinds for kind in ("right", "wrong") for pairs in ("clean", "degraded")
     ]
     return _table(["`min_confidence`", *heads], rows)
 
@@ -187,7 +194,7 @@ def fault_naming_table() -> str:
         named = {name: one["named"] for name, one in found["sets"].items()}
         rows.append([fault, *(of(named, kind) for kind in ("clean", "spoilt"))])
     label = _marked("fault", record["model_sha256"])
-    text = _table([label, *(f"of {of(whole, kind)} {kind} pairs" for kind in ("clean", "spoilt"))], rows)
+    text = _table([label, *(f"of {of(whole, kind)} {shown} pairs" for kind, shown in PAIRS.items())], rows)
     return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
 
 
@@ -277,18 +284,54 @@ def errors_table(model: str) -> str:
         rows.append(
             [label, f"{whole['epe_px']:.3f}", *shares, f"{seen['epe_px']:.3f}", _percent(whole["depth_relative"])]
         )
-    return _table(
-        ["test set", "EPE, px", "over 1 px", "over 3 px", "EPE where both views see, px", "depth error"], rows
-    )
+    return _table(["test set", "EPE, px", "over 1 px", "over 3 px", "EPE, non-occluded, px", "depth error"], rows)
+
+
+def card_speed_table(model: str) -> str:
+    """Frame rates and latency of one model."""
+    rows = []
+    for name in (model, *(f"{model}_{kind}" for kind in CARD_RUNS if f"{model}_{kind}" in SPEEDS)):
+        label = SPEEDS[name]
+        run = _record(f"speed/{name}")
+        frames = _marked(label.removeprefix(f"{model}, "), run["model"]["sha256"])
+        rates = [f"{run[key]:.0f}" if run[key] >= 10 else f"{run[key]:.1f}" for key in ("fps", "stream_fps")]
+        rows.append([frames, *rates, *(f"{run['latency_ms'][key]:.0f} ms" for key in ("p50", "p99"))])
+    return _table(["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99"], rows)
+
+
+def card_trust_table(model: str) -> str:
+    """How far a model can be trusted on clean and on degraded pairs, and how often faults are named."""
+    record = _record("accuracy/trust")["models"][model]
+    rows = []
+    for case in CARD_CASES:
+        found = record["cases"][case]
+        shares = (found["right_called_valid"], found["wrong_called_valid"], found["within_sigma"])
+        rows.append([_marked(case, record["model_sha256"]), _frames(found["status"]), *map(_percent, shares)])
+    faults = [found for found in record["cases"].values() if "named" in found]
+    status: Counter[str] = Counter()
+    for found in faults:
+        status.update(found["status"])
+    named = _percent(sum(found["named"] for found in faults) / len(faults))
+    rows.append([f"{len(faults)} kinds of faults, named in {named}", _frames(status), "", "", ""])
+    return _table(["pairs", "frames", "right pixels valid", "wrong pixels valid", "error within sigma"], rows)
+
+
+def _frames(status: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in sorted(status.items()))
 
 
 def range_table(model: str) -> str:
-    """The nearest depth that one model sees on real rigs, from its own metadata."""
+    """The nearest depth that one model sees on real rigs, from its own metadata.
+
+    A model without an inference width takes frames up to 960 px as they are: its table is that of such frames.
+    """
     facts = {entry.key: entry.value for entry in onnx.load(shipped_models()[model]).metadata_props}
     # Half a pixel before the last candidate a pixel counts as out of range.
     end = int(facts["endosdk.max_candidate_disparity"]) - _core.range_margin
-    share = end / int(facts["endosdk.inference_width"])
-    rows = [[f"range of disparities, % of the width | 0 to {100 * share:.1f}"]]
+    stated = facts.get("endosdk.inference_width")
+    share = end / int(stated or WIDEST_UNRESIZED)
+    of = "the width" if stated else f"the width, frames {WIDEST_UNRESIZED} px wide"
+    rows = [[f"range of disparities, % of {of} | 0 to {100 * share:.1f}"]]
     for label, (focal, baseline) in RIGS.items():
         rows.append([f"nearest depth on {label} | {focal * baseline / share:.0f} mm"])
     return _table(["what", "value"], rows)
@@ -307,7 +350,7 @@ def temporal_table() -> str:
         ["within 12 px of the tool", None, None, tool["error_ratio_near_tool"]],
     ]
     cells = [[label, *("" if one is None else f"{one:.2f}" for one in ratios)] for label, *ratios in rows]
-    return _table(["film", "flicker", "jumps", "error"], cells)
+    return _table(["video", "flicker", "jumps", "error"], cells)
 
 
 def measuring_table() -> str:
@@ -361,7 +404,7 @@ def spoilt_files_table() -> str:
         untyped = sum(outcomes.pop(kind) for kind in list(outcomes) if kind.startswith("untyped"))
         refused = ", ".join(f"{count} {code}" for code, count in outcomes.items())
         rows.append([name, str(reader["tried"]), str(read), refused, str(untyped), f"{reader['slowest_s']:.2f}"])
-    heads = ["file", "tried", "still valid, read", "refused with a typed error", "anything else", "slowest, s"]
+    heads = ["file", "tried", "still valid, read", "rejected with a typed error", "anything else", "slowest, s"]
     return _table(heads, rows)
 
 
@@ -410,9 +453,11 @@ TABLES: dict[str, Callable[[], str]] = {
 }
 
 
-TABLES |= {f"errors:{name}": partial(errors_table, name) for name in ("fast", "fast-320", "accurate", "wang2020")}
+TABLES |= {f"errors:{name}": partial(errors_table, name) for name in CARDS}
 TABLES |= {f"trust:{name}": partial(trust_table, name) for name in ("fast", "accurate")}
-TABLES |= {f"range:{name}": partial(range_table, name) for name in ("fast", "fast-320", "accurate")}
+TABLES |= {f"short-trust:{name}": partial(card_trust_table, name) for name in ("fast", "accurate")}
+TABLES |= {f"range:{name}": partial(range_table, name) for name in CARDS}
+TABLES |= {f"speed:{name}": partial(card_speed_table, name) for name in CARDS}
 
 
 def filled(text: str) -> str:

@@ -49,6 +49,11 @@ def test_the_readme_and_the_cards_are_short():
         assert word_count(card) <= CARD_WORDS, card
 
 
+def test_cards_have_one_form():
+    headings = [re.findall(r"^## (.+)$", card.read_text(), re.MULTILINE) for card in (ROOT / "models").glob("*.md")]
+    assert len(headings) == 4 and headings.count(headings[0]) == 4
+
+
 @pages
 def test_commands_exist_and_take_these_options(page):
     for words in commands(page):
