@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.record import machine_record
+from benchmarks.record import signed
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
@@ -35,14 +35,8 @@ def record_models(
     program = f"python -m {sys.modules['__main__'].__spec__.name}"
     data = f"--data {reader.name} --split {args.split} --pairs {args.pairs}{more}"
     for model in args.models:
-        command = f"{program} {data} --models {model}"
-        models[model] = {
-            **measure(model),
-            "command": command,
-            "model_sha256": read_model(model).sha256,
-            "machine": machine_record(),
-        }
+        hashes = {"model_sha256": read_model(model).sha256}
+        models[model] = signed(measure(model), command=f"{program} {data} --models {model}", hashes=hashes)
     dataset = {"name": reader.name, "split": args.split, "sha256": reader.sha256}
-    record = {"dataset": dataset, "models": models}
-    write_json(args.json, record)
-    print(json.dumps(record["models"], indent=1))
+    write_json(args.json, {"dataset": dataset, "models": models})
+    print(json.dumps(models, indent=1))

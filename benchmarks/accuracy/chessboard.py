@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_record
 from endosdk.calibration.board import calibrate_board, rectify_points, row_correlation
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.io.whole_files import write_json
 
 Points = npt.NDArray[np.float64]
 
@@ -95,8 +94,7 @@ def main() -> int:
     for name, pair in result["pairs"].items():
         square = f"square {pair['square_mm']:.3f} mm"
         print(f"pair {name}: {pair['row_median_px']:.2f} px, {pair['depth_mm']:.0f} mm away, {square}")
-    record = {"command": COMMAND, "machine": machine_record(), **result}
-    write_json(options.json, record)
+    write_record(options.json, result, command=COMMAND, hashes=NO_MODEL)
     print(f"written {options.json}")
     return 0
 

@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 
 CLEAN = next(case for case in USABLE if case.name == "clean")
@@ -102,21 +101,19 @@ def main() -> None:
     readers = clean + spoilt
     found = measure(args.model, readers, (CLEAN, *FAULTS), args.pairs)
     kinds = {reader.name: "clean" if reader in clean else "spoilt" for reader in readers}
+    command = f"python -m benchmarks.accuracy.fault_naming --data {' '.join(reader.name for reader in clean)} "
+    command += f"--spoilt {' '.join(reader.name for reader in spoilt)} --split {args.split} "
+    command += f"--pairs {args.pairs} --model {args.model}"
     record = {
-        "command": f"python -m benchmarks.accuracy.fault_naming --data {' '.join(reader.name for reader in clean)} "
-        f"--spoilt {' '.join(reader.name for reader in spoilt)} --split {args.split} "
-        f"--pairs {args.pairs} --model {args.model}",
         "datasets": {
             reader.name: {"split": args.split, "sha256": reader.sha256, "pairs": kinds[reader.name]}
             for reader in readers
         },
         "model": args.model,
-        "model_sha256": read_model(args.model).sha256,
         "without_fault": found[CLEAN.name],
         "faults": {case.name: {**summary(found[case.name]), "sets": found[case.name]} for case in FAULTS},
-        **machine_record(),
     }
-    write_json(args.json, record)
+    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
     print(json.dumps({key: record[key] for key in ("without_fault", "faults")}, indent=1))
 
 

@@ -22,12 +22,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
-from endosdk.io.whole_files import write_json
 from endosdk.measure import Measured, area, distance, point_at
 from endosdk.runtime.models import read_model
 from endosdk.simulation.camera import Pose, StereoCamera, rectified_pair
@@ -207,17 +206,11 @@ def main() -> None:
         kinds = {kind: together([scores[kind]]) for kind in KINDS if counts[kind]}
         sets[root.name] = {"objects": counts, **kinds, "all": together(scores.values())}
         every += scores.values()
-    record = {
-        "sets": sets,
-        "all": together(every),
-        "command": "python -m benchmarks.accuracy.measuring --data "
-        + " ".join(f"sets/{root.name}" for root in args.data)
-        + f" --model {args.model}",
-        "model_sha256": read_model(args.model).sha256,
-        "machine": machine_record(),
-    }
-    write_json(args.json, record)
-    print(json.dumps({"sets": sets, "all": record["all"]}, indent=1))
+    record = {"sets": sets, "all": together(every)}
+    roots = " ".join(f"sets/{root.name}" for root in args.data)
+    command = f"python -m benchmarks.accuracy.measuring --data {roots} --model {args.model}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
+    print(json.dumps(record, indent=1))
 
 
 if __name__ == "__main__":

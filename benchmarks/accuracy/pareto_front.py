@@ -22,13 +22,13 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.methods.classical import classical_method
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from benchmarks.turns import answers_in_turns
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import Method, estimator_method, sgbm_method
 from endosdk.evaluation.scores import ScoreBoard
-from endosdk.io.whole_files import write_json
+from endosdk.runtime.models import read_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,13 +43,13 @@ LETTER_GAP = 4  # px between names, so that two are not read as one
 LEADER_GAP = 8  # px from a name's leader to the points of others, so that it does not seem to end there
 
 
-def named_model(entry: str, threads: int) -> tuple[str, Method]:
-    """Return the name and the method of ``NAME[=FILE][@WxH]``; the size is that at which frames are seen."""
+def named_model(entry: str, threads: int) -> tuple[str, str, Method]:
+    """Return name, hash and method of ``NAME[=FILE][@WxH]``; the size is that at which frames are seen."""
     name, _, rest = entry.partition("=")
     file, _, size = (rest or name).partition("@")
     width, _, height = size.partition("x")
     network_size = (int(width), int(height)) if size else None
-    return name, estimator_method(file, threads=threads, network_size=network_size)
+    return name, read_model(file).sha256, estimator_method(file, threads=threads, network_size=network_size)
 
 
 def measure(methods: dict[str, Method], samples: list[Sample]) -> dict[str, dict[str, float]]:
@@ -164,20 +164,18 @@ def main() -> None:
     if args.pairs > len(reader):
         parser.error(f"--pairs must be at most the {len(reader)} of the test split")
     samples = [reader[index] for index in range(args.pairs)]
-    methods: dict[str, Method] = dict(named_model(entry, args.threads) for entry in args.models)
-    named = list(methods)
+    named = [named_model(entry, args.threads) for entry in args.models]
+    hashes = {name: sha256 for name, sha256, _ in named}
+    methods: dict[str, Method] = {name: method for name, _, method in named}
     methods |= {"sgbm": sgbm_method(filled=True), "bm": classical_method("bm", {}, filled=True)}
     points = measure(methods, samples)
     for name, point in points.items():
         print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px, {point['edges_epe_px']:.3f} px near edges")
-    record = {
-        "command": f"python -m benchmarks.accuracy.pareto_front --data {reader.name} --pairs {args.pairs} "
-        f"--threads {args.threads} --models {' '.join(named)}",
-        "dataset": {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256},
-        "points": points,
-        **machine_record(),
-    }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.accuracy.pareto_front --data {reader.name} --pairs {args.pairs} "
+    command += f"--threads {args.threads} --models {' '.join(hashes)}"
+    dataset = {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256}
+    found = {"dataset": dataset, "points": points}
+    write_record(args.json, found, command=command, hashes={"model_sha256": hashes})
     height, width = samples[0].left.shape[:2]
     draw(points, args.figure, f"{reader.name}, {args.pairs} pairs of {width} x {height}, {args.threads} threads")
 

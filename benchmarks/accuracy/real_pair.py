@@ -16,13 +16,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator
 from endosdk.commands.options import parse_size
 from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings
 from endosdk.evaluation.vertical_disparity import vertical_disparity
 from endosdk.io.pictures import read_frame
-from endosdk.io.whole_files import write_json
 
 
 def photometric(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, where: np.ndarray) -> float:
@@ -48,10 +47,7 @@ def main() -> None:
     apart = np.abs(result.disparity - filled_sgbm)[both]
     offset = vertical_disparity(left, right)
     record = {
-        "command": f"python -m benchmarks.accuracy.real_pair LEFT RIGHT --model {args.model} "
-        f"--network-size {args.network_size}",
         "pair": f"{args.left.parent.name}, {left.shape[1]}x{left.shape[0]}",
-        "model_sha256": result.model.sha256,
         "vertical_disparity_px": offset.median_px,
         "coverage": result.valid_share,
         "disparity_px": [float(v) for v in np.percentile(result.disparity[result.reasons == 0], (2, 50, 98))],
@@ -65,9 +61,10 @@ def main() -> None:
             "warped": photometric(left, right, result.disparity, result.reasons == 0),
             "unwarped": photometric(left, right, np.zeros_like(result.disparity), result.reasons == 0),
         },
-        **machine_record(),
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.accuracy.real_pair LEFT RIGHT --model {args.model} "
+    command += f"--network-size {args.network_size}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": result.model.sha256})
     print(json.dumps({k: record[k] for k in ("difference_to_sgbm_hh_px", "photometric_levels", "coverage")}))
 
 

@@ -13,17 +13,16 @@ import argparse
 import json
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
+from endosdk.runtime.models import read_model
 
 PAIRS = 20
 TOLERANCE_PX = 1e-4
@@ -76,20 +75,19 @@ def main() -> None:
     args = parser.parse_args()
     reader = open_dataset(args.data, "test")
     files = [str(Path(model).resolve()) if Path(model).is_file() else model for model in args.models]
+    hashes = {Path(file).name: read_model(file).sha256 for file in files}  # as this checkout ships them
     interpreters = {"before": args.before.absolute(), "after": args.after.absolute()}
     with tempfile.TemporaryDirectory() as name:
         write_pairs([reader[number] for number in range(PAIRS)], Path(name))
         models = [compare(model, interpreters, Path(name)) for model in progress(files, unit="model")]
     record = {
-        "command": f"python -m benchmarks.accuracy.same_maps --before PYTHON --after PYTHON --commits "
-        f"{' '.join(args.commits)} --data {args.data} --models {' '.join(args.models)} --json FILE",
-        **machine_record(),
-        "date": time.strftime("%Y-%m-%d"),
         "commits": dict(zip(("before", "after"), args.commits, strict=True)),
         "data": {"name": reader.name, "sha256": reader.sha256, "pairs": PAIRS},
         "models": models,
     }
-    write_json(args.json, record)
+    command = "python -m benchmarks.accuracy.same_maps --before PYTHON --after PYTHON --commits "
+    command += f"{' '.join(args.commits)} --data {args.data} --models {' '.join(args.models)} --json FILE"
+    write_record(args.json, record, command=command, hashes={"model_sha256": hashes})
     print(json.dumps(models, indent=1))
     if any(model["disparity_px"] > TOLERANCE_PX for model in models):
         raise SystemExit(f"the versions differ by more than {TOLERANCE_PX} px")

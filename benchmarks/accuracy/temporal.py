@@ -27,9 +27,8 @@ import cv2
 import numpy as np
 
 from benchmarks.accuracy.films import KINDS, FilmFrame, film, film_seeds
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator
-from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 from endosdk.simulation.rasteriser import Rasteriser
 
@@ -147,10 +146,8 @@ def main() -> None:
     record["films"] = (
         f"scenes of seed {FIRST_SEED} on with an instrument, each as {', '.join(KINDS)}; rendered as drawn"
     )
-    record["model_sha256"] = read_model(args.model).sha256
-    record["command"] = f"python -m benchmarks.accuracy.temporal --scenes {args.scenes} --model {args.model}"
-    record["machine"] = machine_record()
-    write_json(args.json, record)
+    command = f"python -m benchmarks.accuracy.temporal --scenes {args.scenes} --model {args.model}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
 
 
 if __name__ == "__main__":

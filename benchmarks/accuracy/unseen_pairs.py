@@ -14,11 +14,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.evaluation.methods import estimator_method, evaluate, sgbm_method
 from endosdk.evaluation.sgbm import SgbmSettings
-from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 
 PARTS = ("all", "non_occluded", "occluded", "edges", "in_range", "valid")
@@ -46,16 +45,12 @@ def main() -> None:
     for name, method in methods.items():
         print(name, file=sys.stderr)
         scores[name] = evaluate(method, reader, args.pairs)
-    record = {
-        "command": f"python -m benchmarks.accuracy.unseen_pairs --data {args.data.resolve().name} "
-        f"--layout {args.layout} --split {split} --models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
-        + (f" --pairs {args.pairs}" if args.pairs else ""),
-        "dataset": {"name": reader.name, "split": split, "sha256": reader.sha256},
-        "models": {name: read_model(name).sha256 for name in args.models},
-        "methods": scores,
-        **machine_record(),
-    }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.accuracy.unseen_pairs --data {args.data.resolve().name} "
+    command += f"--layout {args.layout} --split {split} --models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
+    command += f" --pairs {args.pairs}" if args.pairs else ""
+    dataset = {"name": reader.name, "split": split, "sha256": reader.sha256}
+    hashes = {"models": {name: read_model(name).sha256 for name in args.models}}
+    write_record(args.json, {"dataset": dataset, "methods": scores}, command=command, hashes=hashes)
     for name, score in scores.items():
         for part in PARTS:
             if score.get(part, {}).get("valid"):

@@ -139,21 +139,19 @@ def _all(args: argparse.Namespace) -> None:
 
 def _search(args: argparse.Namespace) -> None:
     from benchmarks.methods.classical import search_sgbm
+    from benchmarks.record import NO_MODEL, write_record
     from endosdk.datasets.layouts import open_dataset
-    from endosdk.io.whole_files import write_json
-    from endosdk.jobs.machine import machine_record
 
     reader = open_dataset(args.data, "train", layout=args.layout)
     count = min(args.pairs or SEARCH_PAIRS, len(reader))
     samples = [reader[i * len(reader) // count] for i in range(count)]
     record = {
-        "command": f"python -m benchmarks.paper search --data DIR --pairs {count}",
         "data": {"name": reader.name, "sha256": reader.sha256, "split": "train"},
         "pairs": [sample.id for sample in samples],
         "forms": {name: search_sgbm(samples, eight_paths=name == "sgbm-hh") for name in ("sgbm", "sgbm-hh")},
-        "machine": machine_record(),
     }
-    write_json(args.results / "paper/sgbm_search.json", record)
+    command = f"python -m benchmarks.paper search --data DIR --pairs {count}"
+    write_record(args.results / "paper/sgbm_search.json", record, command=command, hashes=NO_MODEL)
 
 
 def _evaluate(args: argparse.Namespace) -> None:

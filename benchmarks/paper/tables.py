@@ -23,6 +23,7 @@ from benchmarks.paper.one_kind import check_one_kind, check_same_set
 from benchmarks.paper.rows import row
 from benchmarks.paper.runs import RunState, config_gmacs, exported, model_file, rate_restarts, training_curve
 from benchmarks.paper.stages import stage_errors
+from benchmarks.record import NO_MODEL, Hashes, write_record
 from benchmarks.turns import answers_in_turns
 from endosdk import _core
 from endosdk.datasets.dataset import DatasetReader, Sample
@@ -205,17 +206,20 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
     rows = {**kept_rows, **{name: {**values, "timed_on": timing_of(machine)} for name, values in rows.items()}}
     check_one_kind(file.name, rows)
     record = {
-        "command": _command(scores),
         "dataset": reader.name,
         "sha256": reader.sha256,
         "pairs": scores.pairs,
         "threads": len(os.sched_getaffinity(0)),
         "methods": {name: {"params": None, "gmacs": None, **values} for name, values in rows.items()},
         "not_yet_run": [name for name in LABELS if name not in rows],
-        "machine": machine,
     }
     kept = {key: before[key] for key in ("load_while_timed",) if key in before}
-    write_json(file, {**record, **kept})
+    write_record(file, {**record, **kept}, command=_command(scores), hashes=shipped_hashes(rows))
+
+
+def shipped_hashes(rows: dict[str, dict[str, Any]]) -> Hashes:
+    """Return the hashes of the shipped models among the rows; runs have those of their checkpoints in their rows."""
+    return {"model_sha256": {name: row["model_sha256"] for name, row in rows.items() if "model_sha256" in row}}
 
 
 def timing_of(machine: dict[str, Any]) -> dict[str, Any]:
@@ -235,7 +239,8 @@ def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]])
         groups.setdefault(run.group, {})[run.label] = rows.get(run.name, kept)
     check_one_kind(file.name, rows_by_name(groups))
     record = {"dataset": reader.name, "sha256": reader.sha256, "pairs": scores.pairs, "groups": groups}
-    write_json(file, {"command": _command(scores), **record, "machine": machine_record()})
+    # Runs have their files' hashes in their rows: no shipped model is among them.
+    write_record(file, record, command=_command(scores), hashes=NO_MODEL)
 
 
 def _command(scores: Scores) -> str:
@@ -276,8 +281,7 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
         print(f"{name:18} {milliseconds:8.1f} ms")
     # Work of others beside the timing shows here: above the number of threads the times are too long.
     table["load_while_timed"] = os.getloadavg()[0]
-    table["machine"] = machine
-    write_json(file, table)
+    write_record(file, table, command=table["command"], hashes=shipped_hashes(table["methods"]))
 
 
 def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:

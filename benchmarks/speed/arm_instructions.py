@@ -11,9 +11,8 @@ import argparse
 import subprocess
 from pathlib import Path
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_record
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
 
 PROGRAM = Path("build/aarch64/cpp/tests/test_kernel_bytes")
 EMULATOR = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
@@ -51,14 +50,8 @@ def main() -> None:
         print(f"{kernel:16} plain {plain:9,}  NEON {neon:9,}  {plain / neon:5.2f} times fewer")
     if arguments.out:
         compiler, emulator = (_first_line(tool, "--version") for tool in ("aarch64-linux-gnu-g++", "qemu-aarch64"))
-        record = {
-            "command": "python -m benchmarks.speed.arm_instructions",
-            "machine": machine_record(),
-            "compiler": compiler,
-            "emulator": emulator,
-            "instructions": counts,
-        }
-        write_json(arguments.out, record)
+        record = {"compiler": compiler, "emulator": emulator, "instructions": counts}
+        write_record(arguments.out, record, command="python -m benchmarks.speed.arm_instructions", hashes=NO_MODEL)
 
 
 def _first_line(*command: str) -> str:

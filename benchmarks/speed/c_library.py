@@ -25,11 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import Hashes, write_part
 from endosdk import DepthEstimator
 from endosdk.datasets.samples import sample_pairs
-from endosdk.io.whole_files import write_json
-from endosdk.runtime.models import shipped_models
+from endosdk.runtime.models import read_model, shipped_models
 from tests.c_library import binding
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -128,7 +127,7 @@ def streams_of(library: ctypes.CDLL, name: str, size: tuple[int, int]) -> dict[s
     np.testing.assert_array_equal(last["disparity"], found["disparity"])
     theirs.close()
     fps = {way: round(statistics.median(values), 1) for way, values in rates.items()}
-    return {"model": {"name": name, "sha256": ours.model.sha256}, "size": list(size), "threads": 2, "fps": fps}
+    return {"model": name, "size": list(size), "threads": 2, "fps": fps}
 
 
 def sanitizers(_: argparse.Namespace) -> dict[str, Any]:
@@ -180,6 +179,12 @@ def fuzz_result(name: str, process: subprocess.Popen[str]) -> dict[str, Any]:
     return {"seconds": int(runs[2]), "inputs": int(runs[1]), "edges_reached": int(edges[-1]), "failures": 0}
 
 
+def hashes(part: str) -> Hashes:
+    """Return the hashes of the model files that a part runs."""
+    measured = {"overhead": [model for model, *_ in TIMED], "streams": STREAMED}.get(part, [TINY_MODEL])
+    return {"model_sha256": {Path(model).stem: read_model(model).sha256 for model in measured}}
+
+
 PARTS = {"steadiness": steadiness, "overhead": overhead, "streams": streams, "sanitizers": sanitizers, "fuzz": fuzz}
 
 
@@ -191,12 +196,11 @@ def main() -> None:
     parser.add_argument("--fuzz-seconds", type=int, default=600)
     arguments = parser.parse_args()
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
-    record = json.loads(arguments.json.read_text()) if arguments.json.is_file() else {}
     for name in arguments.only:
+        found = PARTS[name](arguments)
         command = f"python -m benchmarks.speed.c_library --only {name}"
-        record[name] = {"command": command, "result": PARTS[name](arguments), "machine": machine_record()}
-        write_json(arguments.json, record)
-        say(f"{name}: {json.dumps(record[name]['result'])}")
+        write_part(arguments.json, name, {"result": found}, command=command, hashes=hashes(name))
+        say(f"{name}: {json.dumps(found)}")
 
 
 if __name__ == "__main__":

@@ -25,9 +25,8 @@ import onnx
 import onnxruntime as ort
 import torch
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from benchmarks.speed.graph_cost import GraphCost, graph_cost
-from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model, shipped_models
 from endosdk.training.half import halved
 from endosdk.training.model_file import sealed_bytes
@@ -236,15 +235,15 @@ def main(arguments: list[str] | None = None) -> int:
     width, height = (int(side) for side in args.size.split("x"))
     name = torch.cuda.get_device_name() if device.provider == "cuda" else "processor"
     record = {
-        "command": " ".join(["python -m benchmarks.speed.gpu", *(arguments or sys.argv[1:])]),
         "device": name,
         "size": [width, height],
         "models": {
             model: measure_model(model, device, (width, height), args.frames, not args.eager) for model in args.models
         },
-        "machine": machine_record(),
     }
-    write_json(args.json, record)
+    command = " ".join(["python -m benchmarks.speed.gpu", *(arguments or sys.argv[1:])])
+    hashes = {"model_sha256": {model: read_model(model).sha256 for model in args.models}}
+    write_record(args.json, record, command=command, hashes=hashes)
     return 0
 
 

@@ -20,9 +20,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_record
 from endosdk import _core
-from endosdk.io.whole_files import write_json
 
 SIZES = ((960, 720), (1920, 1080))
 THREADS = (1, 2)
@@ -215,14 +214,13 @@ def main(arguments: list[str] | None = None) -> int:
                 print(f"{name:13} {row['size']:>9} {threads} threads  {row['median_ms']}  {row['times_faster']}x")
     if options.json:
         record = {
-            "command": f"python -m benchmarks.speed.kernels --repeats {options.repeats}",
-            "machine": machine_record(),
             "instruction_set": _core.isa(),
             "opencv": cv2.__version__,
             "load_average": [round(load, 2) for load in os.getloadavg()],  # other work on the machine blurs the times
             "results": results,
         }
-        write_json(options.json, record)
+        command = f"python -m benchmarks.speed.kernels --repeats {options.repeats}"
+        write_record(options.json, record, command=command, hashes=NO_MODEL)
     return 0
 
 

@@ -25,8 +25,7 @@ import torch.nn.functional as F
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 from torch import Tensor, nn
 
-from benchmarks.record import machine_record
-from endosdk.io.whole_files import write_json
+from benchmarks.record import NO_MODEL, write_record
 
 LAYERS = 8  # of a chain, so that the cost of entering and leaving it hardly counts
 LARGEST_SHARE = 0.1  # mean difference of the 8-bit form, relative to the mean of the answer
@@ -168,12 +167,8 @@ def main() -> None:
         table[name] = measure(module, shape, layers, args.threads, args.runs)
         found = "  ".join(f"{form} {ms:7.3f} ms" for form, ms in table[name].items())
         print(f"{name:48} {found}", file=sys.stderr, flush=True)
-    record = {
-        "command": f"python -m benchmarks.speed.operators --threads {args.threads} --runs {args.runs}",
-        "ms_per_layer": table,
-        **machine_record(),
-    }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.speed.operators --threads {args.threads} --runs {args.runs}"
+    write_record(args.json, {"ms_per_layer": table}, command=command, hashes=NO_MODEL)
 
 
 if __name__ == "__main__":

@@ -8,14 +8,12 @@ Cycles takes all cores by itself, so it needs one worker.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_part
 from endosdk.datasets.layouts import open_dataset
-from endosdk.io.whole_files import write_json
 from endosdk.simulation.generate import generate
 from endosdk.simulation.recipe import Recipe
 
@@ -37,8 +35,6 @@ def main() -> None:
         seconds = time.perf_counter() - started
         organs = [sample.info["organ"] for sample in open_dataset(Path(folder) / "set", "train")]
     result = {
-        "command": f"python -m benchmarks.speed.simulation --renderer {args.renderer} --organ {args.organ} "
-        f"--pairs {args.pairs} --seed {args.seed} --workers {args.workers}",
         "version": record["renderers"],
         "size": [recipe.camera.width, recipe.camera.height],
         "organs": organs,
@@ -46,11 +42,10 @@ def main() -> None:
         "workers": args.workers,
         "seconds": seconds,
         "pairs_per_minute": 60.0 * args.pairs / seconds,
-        **machine_record(),
     }
-    known = json.loads(args.json.read_text()) if args.json.exists() else {}
-    known[args.renderer] = result
-    write_json(args.json, known)
+    command = f"python -m benchmarks.speed.simulation --renderer {args.renderer} --organ {args.organ} "
+    command += f"--pairs {args.pairs} --seed {args.seed} --workers {args.workers}"
+    write_part(args.json, args.renderer, result, command=command, hashes=NO_MODEL)
     print(f"{args.renderer}: {result['pairs_per_minute']:.2f} pairs a minute")
 
 

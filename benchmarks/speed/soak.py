@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator
 from endosdk.datasets.samples import sample_pairs
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
 from endosdk.jobs.bench import burdened
 
 WARM_UP = 200  # frames after each start that do not count
@@ -115,10 +114,6 @@ def main() -> None:
     times = np.array(tally.times_ms)
     p50, p99 = np.percentile(times, (50, 99))
     record = {
-        "command": f"python -m benchmarks.speed.soak --model {estimator.model.name} --threads {args.threads}"
-        f" --load {args.load} --deadline-ms {args.deadline_ms:g} --frames {args.frames}",
-        "machine": machine_record(),
-        "model": {"name": estimator.model.name, "sha256": estimator.model.sha256},
         "frames": times.size,
         "runs": len(tally.growth_mb),
         "latency_ms": {"p50": round(p50, 2), "p99": round(p99, 2), "max": round(times.max(), 2)},
@@ -129,7 +124,9 @@ def main() -> None:
         "memory_growth_mb": [round(growth, 2) for growth in tally.growth_mb],
         **more,
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.speed.soak --model {estimator.model.name} --threads {args.threads}"
+    command += f" --load {args.load} --deadline-ms {args.deadline_ms:g} --frames {args.frames}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
     checkpoint.unlink(missing_ok=True)
     marks = f"{record['late']} of {times.size} marked late, {tally.unmarked} late and unmarked"
     print(f"p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {times.max():.2f} ms; {marks}")

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator, DepthResult
 from endosdk.io.pictures import read_frame
-from endosdk.io.whole_files import write_json
 from endosdk.live.frames import Picture
 from endosdk.runtime.models import read_model
 
@@ -78,12 +77,10 @@ def main() -> None:
         "frame_ms": round(total, 3),
         "share_of_a_frame": round((steady - plain) / total, 4),
         "flicker_px": {"without": round(flicker[False], 4), "with": round(flicker[True], 4)},
-        "command": f"python -m benchmarks.speed.temporal --model {args.model} --threads {args.threads}",
         "allowed_share": ALLOWED,
-        "model_sha256": read_model(args.model).sha256,
-        "machine": machine_record(),
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.speed.temporal --model {args.model} --threads {args.threads}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
     print(record)
 
 

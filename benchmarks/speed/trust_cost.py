@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import Cause, DepthEstimator, DepthResult, Reason, Status, StereoCalibration
 from endosdk.io.pictures import read_frame
-from endosdk.io.whole_files import write_json
 from endosdk.live.frames import Picture
 from endosdk.runtime.models import read_model
 
@@ -108,14 +107,12 @@ def main() -> None:
         for name, case in measured.items():
             check(name, case.answer())
     record = {
-        "command": f"python -m benchmarks.speed.trust_cost --model {args.model} --threads {args.threads}",
-        "model_sha256": read_model(args.model).sha256,
         "allowed_share": ALLOWED,
         "cases": {name: case.result() for name, case in measured.items()},
-        "machine": machine_record(),
         "load_average": [round(load, 2) for load in os.getloadavg()],  # other work on the machine blurs the times
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.speed.trust_cost --model {args.model} --threads {args.threads}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
     print(record["cases"])
 
 

@@ -13,16 +13,15 @@ import json
 import statistics
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk.datasets.samples import sample_pairs
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
+from endosdk.runtime.models import read_model
 
 MODELS = ("fast", "fast-320")
 SIZE = (960, 720)
@@ -120,6 +119,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
     args = parser.parse_args()
     pair = sample_pairs()[0].resized(*SIZE)
+    hashes = {model: read_model(model).sha256 for model in MODELS}  # as this checkout ships them
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         np.save(folder / "left.npy", pair.left)
@@ -128,9 +128,6 @@ def main() -> None:
         models = [compare(model, {"before": args.before, "after": args.after}, folder) for model in MODELS]
     commits = " ".join(args.commits)
     record = {
-        "command": f"python -m benchmarks.speed.two_versions --before PYTHON --after PYTHON --commits {commits}",
-        **machine_record(),
-        "date": time.strftime("%Y-%m-%d"),
         "commits": dict(zip(("before", "after"), args.commits, strict=True)),
         "size": list(SIZE),
         "threads": 2,
@@ -138,7 +135,8 @@ def main() -> None:
         "frames_a_turn": FRAMES,
         "models": models,
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.speed.two_versions --before PYTHON --after PYTHON --commits {commits}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": hashes})
     print(json.dumps(models, indent=1))
 
 

@@ -19,10 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.io.pictures import read_frame
-from endosdk.io.whole_files import write_json
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.sources.source import Source
 from endosdk.live.viewer import Player, Server
@@ -118,11 +117,9 @@ def main() -> None:
         "slowed_by": round(1 - viewed_rate / plain, 4),
         "allowed": ALLOWED,
         "pictures_a_second": round(pictures / ROUNDS / (WARM_S + MEASURED_S), 2),
-        "command": f"python -m benchmarks.speed.viewer --model {args.model} --threads {args.threads}",
-        "model_sha256": read_model(args.model).sha256,
-        "machine": machine_record(),
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.speed.viewer --model {args.model} --threads {args.threads}"
+    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
     print(record)
 
 

@@ -21,9 +21,8 @@ import onnxruntime as ort
 import torch
 from torch import Tensor, nn
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_record
 from endosdk.datasets.layouts import open_dataset
-from endosdk.io.whole_files import write_json
 from endosdk.training.data import planar
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks.base import StereoNetwork
@@ -141,15 +140,14 @@ def main() -> None:
     for name, ms in times.items():
         print(f"{name:42} {ms:8.1f} ms  {ms / base:5.2f} of it", file=sys.stderr)
     height, width = sample.left.shape[:2]
+    command = f"python -m benchmarks.studies.export_form --data {args.data.name} --max-disparity "
+    command += f"{args.max_disparity} --threads {args.threads} --runs {args.runs}"
     record = {
-        "command": f"python -m benchmarks.studies.export_form --data {args.data.name} --max-disparity "
-        f"{args.max_disparity} --threads {args.threads} --runs {args.runs}",
         "network": "wang2020",
         "size": [width, height],
         "forms": {name: {"ms": ms, "share": ms / base, "differs_px": differences[name]} for name, ms in times.items()},
-        **machine_record(),
     }
-    write_json(args.json, record)
+    write_record(args.json, record, command=command, hashes=NO_MODEL)
 
 
 if __name__ == "__main__":

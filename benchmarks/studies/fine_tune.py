@@ -17,8 +17,8 @@ from typing import Any
 
 import torch
 
-from benchmarks.record import machine_record
-from endosdk.io.whole_files import write_json
+from benchmarks.record import write_record
+from benchmarks.weights import weights_sha256
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.sets import open_sets, split_pairs
@@ -72,16 +72,15 @@ def main() -> None:
             print(f"{way:8} {seed:2}  {found['epe_refined']:.4f} px, {100 * after[way][str(seed)]['change']:+.1f} %")
     seeds = " ".join(map(str, args.seeds))
     record = {
-        "command": f"python -m benchmarks.studies.fine_tune --data {reader.name} --runs DIR "
-        f"--start {Path(args.start).name} --held-out {args.held_out} --steps {args.steps} --seeds {seeds}"
-        + (f" --defaults {' '.join(map(str, args.defaults))}" if args.defaults else ""),
         "dataset": {"name": reader.name, "sha256": reader.sha256, "pairs": len(learned), "held_out": len(held_out)},
         "recipe": {name: value for name, value in first.as_dict().items() if name not in ("data", "init_from", "seed")},
         "before": before,
         "after": after,
-        "machine": machine_record(),
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.studies.fine_tune --data {reader.name} --runs DIR "
+    command += f"--start {Path(args.start).name} --held-out {args.held_out} --steps {args.steps} --seeds {seeds}"
+    command += f" --defaults {' '.join(map(str, args.defaults))}" if args.defaults else ""
+    write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})
 
 
 if __name__ == "__main__":

@@ -9,19 +9,18 @@ scored, and there further dampings may be tried; the test split is for the one t
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_part
+from benchmarks.weights import weights_sha256
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import estimator_method
 from endosdk.evaluation.scores import ScoreBoard
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
 from endosdk.training import checkpoint
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks import photometric
@@ -70,18 +69,17 @@ def main() -> None:
     data = {"name": reader.name, "split": split, "pairs": [indices.start, indices.stop], "sha256": reader.sha256}
     some = f" --held-out {args.held_out}" if args.held_out else f" --pairs {args.pairs}" if args.pairs else ""
     dampings = " ".join(f"{doubt:g}" for doubt in args.dampings)
-    records = json.loads(args.json.read_text()) if args.json.is_file() else {}
     for entry in args.weights:
         name, _, file = entry.partition("=")
         found = measure(file or name, reader, indices, args.dampings)
-        records[f"{name} on {reader.name}, {split}"] = {
-            "command": f"python -m benchmarks.studies.likely_step --data {reader.name}{some} --weights {name} "
-            f"--dampings {dampings}",
-            "dataset": data,
-            "ways": found,
-            "machine": machine_record(),
-        }
-        write_json(args.json, records)
+        command = f"python -m benchmarks.studies.likely_step --data {reader.name}{some} --weights {name} "
+        write_part(
+            args.json,
+            f"{name} on {reader.name}, {split}",
+            {"dataset": data, "ways": found},
+            command=f"{command}--dampings {dampings}",
+            hashes={"weights_sha256": weights_sha256(file or name)},
+        )
 
 
 if __name__ == "__main__":

@@ -15,11 +15,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_record
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import evaluate, sgbm_method
-from endosdk.io.whole_files import write_json
 
 REGIONS = ("all", "non_occluded")
 
@@ -58,15 +57,14 @@ def main() -> None:
             scores.setdefault(form, {})["sgbm-filled" if filled else "sgbm"] = {name: score[name] for name in REGIONS}
     size = {form: sum(f.stat().st_size for f in reader.root.rglob("*") if f.is_file()) for form, reader in sets.items()}
     record = {
-        "command": f"python -m benchmarks.studies.packing --rendered {args.rendered.name} --packed {args.packed}",
         "dataset": {"name": sets["packed"].name, "split": "test", "pairs": len(sets["packed"])},
         "sha256": {form: reader.sha256 for form, reader in sets.items()},
         "bytes": size,
         **compare(sets["rendered"], sets["packed"]),
         "methods": scores,
-        **machine_record(),
     }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.studies.packing --rendered {args.rendered.name} --packed {args.packed}"
+    write_record(args.json, record, command=command, hashes=NO_MODEL)
     for form, score in scores.items():
         print(form, {name: round(m["all"]["epe_px"], 4) for name, m in score.items()})
     print(f"views {record['psnr_db']['mean']:.1f} dB, least {record['psnr_db']['least']:.1f} dB")

@@ -11,15 +11,14 @@ than these two do is not told apart. A run that is there is not repeated.
 from __future__ import annotations
 
 import argparse
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
+from benchmarks.weights import weights_sha256
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.evaluation.scores import ScoreBoard
-from endosdk.io.whole_files import write_json
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks.base import StereoNetwork
@@ -89,18 +88,16 @@ def main() -> None:
         found[name] = judged(checkpoint.load(out).build())
         print(name, found[name], flush=True)
         record = {
-            "command": f"python -m benchmarks.studies.recipe_gains --start {args.start} --pairs {args.pairs} "
-            f"--steps {args.steps} --seed {args.seed} ...",
-            "start_sha256": sha256(checkpoint.starting_point(args.start).read_bytes()).hexdigest(),
             "datasets": {name: {"name": reader.name, "sha256": reader.sha256} for name, reader in sets.items()},
             "learned_from": {
                 root: open_dataset(Path(getattr(args, root)), "train").sha256 for root in ("gi", "lap", "shapes")
             },
             "recipe": {key: value for key, value in recipe.items() if key != "data"},
             "runs": found,
-            **machine_record(),
         }
-        write_json(args.json, record)
+        command = f"python -m benchmarks.studies.recipe_gains --start {args.start} --pairs {args.pairs} "
+        command += f"--steps {args.steps} --seed {args.seed} ..."
+        write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})
 
 
 if __name__ == "__main__":

@@ -17,10 +17,9 @@ import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
 
-from benchmarks.record import machine_record
+from benchmarks.record import write_record
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
-from endosdk.io.whole_files import write_json
 from endosdk.runtime.models import read_model
 from endosdk.training.frame_size import seen_size, seen_views
 
@@ -61,6 +60,7 @@ def main() -> None:
     args = parser.parse_args()
     reader = open_dataset(args.data, "test")
     models: dict[str, Any] = {}
+    hashes: dict[str, str] = {}
     for entry in args.models:
         name, _, path = entry.partition("=")
         file = read_model(path or name)
@@ -73,17 +73,15 @@ def main() -> None:
             views = seen_views(sample.left, sample.right, size)
             pairs.append({key: view[None] for key, view in zip(("left", "right"), views, strict=True)})
         by_gain = {f"{gain:g}": differences(file.data, pairs, gain) for gain in GAINS}
-        models[name] = {"sha256": file.sha256, "version": metadata["endosdk.version"], "by_gain": by_gain}
+        hashes[name] = file.sha256
+        models[name] = {"version": metadata["endosdk.version"], "by_gain": by_gain}
         for gain, found in by_gain.items():
             print(f"{name:10} grey levels x {gain:4} mean {found['mean_px']:.3f} px, p99 {found['p99_px']:.3f} px")
-    record = {
-        "command": f"python -m benchmarks.studies.saturation --data {reader.name} --pairs {args.pairs} "
-        f"--models {' '.join(models)}",
-        "dataset": {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256},
-        "models": models,
-        "machine": machine_record(),
-    }
-    write_json(args.json, record)
+    command = f"python -m benchmarks.studies.saturation --data {reader.name} --pairs {args.pairs} "
+    command += f"--models {' '.join(models)}"
+    dataset = {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256}
+    found = {"dataset": dataset, "models": models}
+    write_record(args.json, found, command=command, hashes={"model_sha256": hashes})
 
 
 if __name__ == "__main__":

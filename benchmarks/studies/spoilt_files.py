@@ -8,7 +8,6 @@ Each example is a valid file after one to six random edits, or random bytes. Exa
 from __future__ import annotations
 
 import argparse
-import json
 import time
 import warnings
 from collections import Counter
@@ -18,7 +17,7 @@ from typing import Any
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.record import machine_record
+from benchmarks.record import NO_MODEL, write_record
 from endosdk.errors import EndoError
 from tests.hardening.targets import TARGETS, Target, spoilt
 
@@ -67,12 +66,8 @@ def main() -> None:
     for name, target in TARGETS.items():
         readers[name] = tried(target, args.examples)
         print(f"{name:24} {readers[name]}", flush=True)
-    record = {
-        "command": f"python -m benchmarks.studies.spoilt_files --examples {args.examples}",
-        "machine": machine_record(),
-        "readers": readers,
-    }
-    RECORD.write_text(json.dumps(record, indent=1) + "\n")
+    command = f"python -m benchmarks.studies.spoilt_files --examples {args.examples}"
+    write_record(RECORD, {"readers": readers}, command=command, hashes=NO_MODEL)
 
 
 if __name__ == "__main__":
