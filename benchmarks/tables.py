@@ -28,6 +28,14 @@ from endosdk.runtime.models import shipped_models
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 MANIFEST = ROOT / "models" / "models.toml"
+ATTACKS = {  # files of tests that feed each interface what is bad
+    "Python": sorted((ROOT / "tests" / "hardening").glob("test_*.py")),
+    "C": [
+        *(ROOT / "cpp/tests/library" / f"test_{name}.cpp" for name in ("refusals", "models", "streams")),
+        *(ROOT / "cpp/tests/library" / f"test_{name}.cpp" for name in ("allocation", "resources", "stack")),
+        *(ROOT / "tests/c_library" / f"test_{name}.py" for name in ("errors", "same_refusals", "fork")),
+    ],
+}
 DOCUMENTS = (
     "README.md",
     "models/accurate.md",
@@ -383,6 +391,27 @@ def fuzzed_table() -> str:
     return _table(["input", "tried", "branches reached", "crashes, hangs, reports"], rows)
 
 
+def attacks_table() -> str:
+    """Every file of tests of bad input: what it tries, in its own words, and how many tests it has."""
+    rows = []
+    for interface, files in ATTACKS.items():
+        counts = [len(tests_in(file.read_text())) for file in files]
+        for file, count in zip(files, counts, strict=True):
+            tries = file.read_text().partition("\n")[0].strip('/" ')
+            rows.append([interface, f"`{file.relative_to(ROOT)}`", tries, str(count)])
+        rows.append([f"**{interface}, together**", "", "", f"**{sum(counts)}**"])
+    return _table(["interface", "file", "what it tries", "tests"], rows)
+
+
+def tests_in(text: str) -> set[str]:
+    """Return the test functions of a Python file, or those that the main function of a C++ program calls."""
+    program, _, main = text.partition("int main(")
+    called = set(re.findall(r"\w+", main))
+    return set(re.findall(r"^def (test_\w+)", text, re.MULTILINE)) | {
+        name for name in re.findall(r"^void (\w+)\(", program, re.MULTILINE) if name in called
+    }
+
+
 def versions_table(versions: dict[str, Any]) -> str:
     """Error of each version of wang2020, and what was new in its training."""
     rows = []
@@ -404,6 +433,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "speed": partial(speed_table, SPEEDS),
     "range-end": range_end_table,
     "arm-instructions": arm_instructions_table,
+    "attacks": attacks_table,
     "causes": causes_table,
     "fault-naming": fault_naming_table,
     "min-confidence": min_confidence_table,

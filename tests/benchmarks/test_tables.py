@@ -29,6 +29,16 @@ def test_a_row_of_a_file_that_no_longer_ships_is_marked(tmp_path, monkeypatch):
     assert tables._marked("StereoSGBM", None) == "StereoSGBM"
 
 
+def test_functions_that_are_run_are_counted():
+    assert tables.tests_in("def helper():\ndef test_one(x):\n    def test_inner():\ndef test_two():\n") == {
+        "test_one",
+        "test_two",
+    }
+    program = "void helper(int x) {}\nvoid frames_come(int at) {}\nint main() {\n  frames_come(3);\n}\n"
+    assert tables.tests_in(program) == {"frames_come"}
+    assert all(tables.tests_in(file.read_text()) for files in tables.ATTACKS.values() for file in files)
+
+
 def hashes_in(record):
     """Return the hashes of all model files that a record, or a part of it, names."""
     found = set()
