@@ -29,6 +29,14 @@ from endosdk.runtime.models import shipped_models
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 MANIFEST = ROOT / "models" / "models.toml"
+ATTACKS = {  # files of tests that feed each interface what is bad
+    "Python": sorted((ROOT / "tests" / "hardening").glob("test_*.py")),
+    "C": [
+        *(ROOT / "cpp/tests/library" / f"test_{name}.cpp" for name in ("refusals", "models", "streams")),
+        *(ROOT / "cpp/tests/library" / f"test_{name}.cpp" for name in ("allocation", "resources", "stack")),
+        *(ROOT / "tests/c_library" / f"test_{name}.py" for name in ("errors", "same_refusals", "fork")),
+    ],
+}
 DOCUMENTS = (
     "README.md",
     "models/accurate.md",
@@ -46,7 +54,7 @@ DOCUMENTS = (
 )
 PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
-STALE = r"\*"  # behind the label of a row whose model file no longer ships
+STALE = r"\*"  # behind the label of a row or column whose model file no longer ships
 STALE_NOTE = f"{STALE} Measured with a file that no longer ships; the record has its version and hash."
 
 CARDS = ("fast", "fast-320", "accurate", "wang2020")
@@ -99,44 +107,47 @@ RIGS = {
 
 def accuracy_table(record: str = "accuracy/accuracy") -> str:
     """Errors of our models and StereoSGBM on the test pairs."""
-    scores = _record(record)["methods"]
+    found = _record(record)
+    scores = found["methods"]
     heads = ["method", "EPE, px", "over 1 px", "over 3 px", "coverage"]
     heads += ["EPE, non-occluded", "over 1 px, non-occluded", "depth error"]
     rows = []
-    for name, label in METHODS.items():
+    for name in METHODS:
         if name not in scores:
             continue
         whole, seen = scores[name]["all"], scores[name]["non_occluded"]
         shares = [f"{100 * whole[key]:.1f} %" for key in ("kpe_1", "kpe_3", "coverage")]
         rest = [f"{seen['epe_px']:.3f}", f"{100 * seen['kpe_1']:.1f} %", f"{100 * whole['depth_relative']:.1f} %"]
-        rows.append([label, f"{whole['epe_px']:.3f}", *shares, *rest])
+        rows.append([_method(found, name), f"{whole['epe_px']:.3f}", *shares, *rest])
     return _table(heads, rows)
 
 
 def edges_table(record: str) -> str:
     """Errors near depth edges and where only one camera sees, of our models and StereoSGBM."""
-    scores = _record(record)["methods"]
+    found = _record(record)
+    scores = found["methods"]
     rows = []
-    for name, label in METHODS.items():
+    for name in METHODS:
         if name not in scores:
             continue
         edges, hidden = scores[name]["edges"], scores[name]["occluded"]
         shares = (edges["kpe_3"], edges["flying"], scores[name]["non_occluded"]["kpe_3"], hidden["kpe_3"])
-        rows.append([label, f"{edges['epe_px']:.2f}", *map(_percent, shares)])
+        rows.append([_method(found, name), f"{edges['epe_px']:.2f}", *map(_percent, shares)])
     heads = ["method", "EPE near edges, px", "over 3 px near edges", "flying pixels", "over 3 px, non-occluded"]
     return _table([*heads, "over 3 px, occluded"], rows)
 
 
 def parts_table(record: str) -> str:
     """Share of wrong pixels among all, among those in a method's range, and among those that it calls valid."""
-    scores = _record(record)["methods"]
+    found = _record(record)
+    scores = found["methods"]
     rows = []
-    for name, label in METHODS.items():
+    for name in METHODS:
         if name not in scores:
             continue
         all_, seen, ranged, valid = (scores[name][part] for part in ("all", "non_occluded", "in_range", "valid"))
         shares = (all_["kpe_3"], seen["kpe_3"], ranged["share"], ranged["kpe_3"], valid["share"], valid["kpe_3"])
-        rows.append([_marked(label, _record(record)["models"].get(name)), *map(_percent, shares)])
+        rows.append([_method(found, name), *map(_percent, shares)])
     heads = ["method", "over 3 px", "non-occluded", "in range", "of these over 3 px", "valid", "of these over 3 px"]
     return _table(heads, rows)
 
@@ -151,9 +162,8 @@ def trust_table(model: str) -> str:
         # A fault has no pixels to judge: nothing of the frame is to be used.
         judged = shares if "named" not in found else (None, None, None, shares[3])
         rows.append([case, frames, *("" if share is None else _percent(share) for share in judged)])
-    heads = ["pairs", "frames", "right pixels valid", "wrong pixels valid", "error within sigma", "cause named"]
-    text = _table([_marked(head, record["model_sha256"]) if head == "pairs" else head for head in heads], rows)
-    return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
+    heads = [_marked("pairs", record["model_sha256"]), "frames", "right pixels valid", "wrong pixels valid"]
+    return _table([*heads, "error within sigma", "cause named"], rows)
 
 
 def min_confidence_table() -> str:
@@ -168,7 +178,10 @@ def min_confidence_table() -> str:
                 row += [_percent(clean[threshold][kind]), _percent(median(one[threshold][kind] for one in spoilt))]
         rows.append(row)
     heads = [
-        f"{name}, {kind}, {pairs}" for name in kinds for kind in ("right", "wrong") for pairs in ("clean", "degraded")
+        f"{_marked(name, one['model_sha256'])}, {kind}, {pairs}"
+        for name, one in models.items()
+        for kind in ("right", "wrong")
+        for pairs in ("clean", "degraded")
     ]
     return _table(["`min_confidence`", *heads], rows)
 
@@ -194,19 +207,17 @@ def fault_naming_table() -> str:
         named = {name: one["named"] for name, one in found["sets"].items()}
         rows.append([fault, *(of(named, kind) for kind in ("clean", "spoilt"))])
     label = _marked("fault", record["model_sha256"])
-    text = _table([label, *(f"of {of(whole, kind)} {shown} pairs" for kind, shown in PAIRS.items())], rows)
-    return text if STALE not in text else f"{text}\n{STALE_NOTE}\n"
+    return _table([label, *(f"of {of(whole, kind)} {shown} pairs" for kind, shown in PAIRS.items())], rows)
 
 
 def short_accuracy_table() -> str:
     """What a reader wants to know first: error of our 8-bit models and StereoSGBM on the test pairs."""
-    scores = _record("accuracy/accuracy")["methods"]
+    found = _record("accuracy/accuracy")
     rows = []
     for name in ("fast", "fast-320", "accurate", "wang2020", "sgbm-filled"):
-        whole = scores[name]["all"]
-        rows.append(
-            [METHODS[name], f"{whole['epe_px']:.2f} px", _percent(whole["kpe_3"]), _percent(whole["depth_relative"])]
-        )
+        whole = found["methods"][name]["all"]
+        shares = (_percent(whole["kpe_3"]), _percent(whole["depth_relative"]))
+        rows.append([_method(found, name), f"{whole['epe_px']:.2f} px", *shares])
     return _table(["method", "mean error", "over 3 px", "depth error"], rows)
 
 
@@ -278,12 +289,13 @@ def errors_table(model: str) -> str:
     for record, label in TEST_SETS.items():
         if not (RESULTS / f"{record}.json").is_file() or model not in _record(record)["methods"]:
             continue
-        scores = _record(record)["methods"][model]
+        found = _record(record)
+        scores = found["methods"][model]
         whole, seen = scores["all"], scores["non_occluded"]
         shares = [_percent(whole[key]) for key in ("kpe_1", "kpe_3")]
-        rows.append(
-            [label, f"{whole['epe_px']:.3f}", *shares, f"{seen['epe_px']:.3f}", _percent(whole["depth_relative"])]
-        )
+        marked = _marked(label, found["models"][model])
+        rest = [f"{seen['epe_px']:.3f}", _percent(whole["depth_relative"])]
+        rows.append([marked, f"{whole['epe_px']:.3f}", *shares, *rest])
     return _table(["test set", "EPE, px", "over 1 px", "over 3 px", "EPE, non-occluded, px", "depth error"], rows)
 
 
@@ -339,7 +351,8 @@ def range_table(model: str) -> str:
 
 def temporal_table() -> str:
     """What the filter in time leaves of flicker, jumps and errors, as a share of what there is without it."""
-    means = {kind: _record("accuracy/temporal")[kind]["mean"] for kind in ("still", "flight", "tool")}
+    record = _record("accuracy/temporal")
+    means = {kind: record[kind]["mean"] for kind in ("still", "flight", "tool")}
     still, flight, tool = means.values()
     rows = [
         ["the scene stands still", still["flicker_ratio"], still["jump_ratio"], still["error_ratio"]],
@@ -350,7 +363,7 @@ def temporal_table() -> str:
         ["within 12 px of the tool", None, None, tool["error_ratio_near_tool"]],
     ]
     cells = [[label, *("" if one is None else f"{one:.2f}" for one in ratios)] for label, *ratios in rows]
-    return _table(["video", "flicker", "jumps", "error"], cells)
+    return _table([_marked("video", record["model_sha256"]), "flicker", "jumps", "error"], cells)
 
 
 def measuring_table() -> str:
@@ -367,18 +380,20 @@ def measuring_table() -> str:
         ]
         for kind, label in labels.items()
     ]
-    return _table(["measured", "times", *(f"within, {name}" for name in columns), "median error"], rows)
+    heads = [_marked("measured", record["model_sha256"]), "times"]
+    return _table([*heads, *(f"within, {name}" for name in columns), "median error"], rows)
 
 
 def range_end_table() -> str:
     """What each margin before the last plane finds and loses, by model."""
-    models = {name: _record("accuracy/range_end")["models"][name]["margins"] for name in ("fast", "wang2020")}
+    models = {name: _record("accuracy/range_end")["models"][name] for name in ("fast", "wang2020")}
     what = ("marked_of_surfaces_beyond", "beyond_the_max_candidate_disparity_of_marked", "marked_of_right_answers")
     heads = ["margin, px"]
-    for name in models:
-        heads += [f"`{name}`: marked of surfaces beyond", "of marked, beyond the last plane", "right answers lost"]
+    for name, model in models.items():
+        label = _marked(f"`{name}`", model["model_sha256"])
+        heads += [f"{label}: marked of surfaces beyond", "of marked, beyond the last plane", "right answers lost"]
     rows = []
-    for margins in zip(*models.values(), strict=True):
+    for margins in zip(*(model["margins"] for model in models.values()), strict=True):
         cells = [f"{margins[0]['margin_px']:g}", *(_percent(margin[key]) for margin in margins for key in what)]
         rows.append([f"**{cell}**" for cell in cells] if margins[0]["margin_px"] == _core.range_margin else cells)
     return _table(heads, rows)
@@ -419,6 +434,27 @@ def fuzzed_table() -> str:
     return _table(["input", "tried", "branches reached", "crashes, hangs, reports"], rows)
 
 
+def attacks_table() -> str:
+    """Every file of tests of bad input: what it tries, in its own words, and how many tests it has."""
+    rows = []
+    for interface, files in ATTACKS.items():
+        counts = [len(tests_in(file.read_text())) for file in files]
+        for file, count in zip(files, counts, strict=True):
+            tries = file.read_text().partition("\n")[0].strip('/" ')
+            rows.append([interface, f"`{file.relative_to(ROOT)}`", tries, str(count)])
+        rows.append([f"**{interface}, together**", "", "", f"**{sum(counts)}**"])
+    return _table(["interface", "file", "what it tries", "tests"], rows)
+
+
+def tests_in(text: str) -> set[str]:
+    """Return the test functions of a Python file, or those that the main function of a C++ program calls."""
+    program, _, main = text.partition("int main(")
+    called = set(re.findall(r"\w+", main))
+    return set(re.findall(r"^def (test_\w+)", text, re.MULTILINE)) | {
+        name for name in re.findall(r"^void (\w+)\(", program, re.MULTILINE) if name in called
+    }
+
+
 def versions_table(versions: dict[str, Any]) -> str:
     """Error of each version of wang2020, and what was new in its training."""
     rows = []
@@ -440,6 +476,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "speed": partial(speed_table, SPEEDS),
     "range-end": range_end_table,
     "arm-instructions": arm_instructions_table,
+    "attacks": attacks_table,
     "causes": causes_table,
     "fault-naming": fault_naming_table,
     "min-confidence": min_confidence_table,
@@ -470,8 +507,16 @@ def _record(name: str) -> dict[str, Any]:
     return record
 
 
+def _method(record: dict[str, Any], name: str) -> str:
+    """Return the label of a method's row; a record of methods has the hashes of those that are models."""
+    return _marked(METHODS[name], record["models"].get(name))
+
+
 def _marked(label: str, sha256: str | None) -> str:
-    """Mark a row whose numbers are of a model file that no longer ships; methods without a file have no hash."""
+    """Mark the label of numbers of a model file that no longer ships; methods without a file have no hash.
+
+    Every table that shows a model's numbers marks its rows or its columns here.
+    """
     shipped = tomllib.loads(MANIFEST.read_text()).values()
     return label if sha256 is None or sha256 in {entry["sha256"] for entry in shipped} else f"{label} {STALE}"
 
@@ -483,7 +528,8 @@ def _percent(share: float) -> str:
 def _table(heads: list[str], rows: list[list[str]]) -> str:
     lines = [heads, ["---"] * len(heads), *rows]
     table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-    return table + (f"\n{STALE_NOTE}\n" if any(cells[0].endswith(STALE) for cells in rows) else "")
+    labels = [*heads, *(cells[0] for cells in rows)]
+    return table + (f"\n{STALE_NOTE}\n" if any(STALE in label for label in labels) else "")
 
 
 def main() -> int:

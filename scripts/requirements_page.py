@@ -43,15 +43,36 @@ def findings() -> list[dict[str, Any]]:
     return list(content["finding"])
 
 
+def open_points() -> dict[int, list[str]]:
+    """Return, by the points that are not complete, the requirements that say what is open."""
+    found: dict[int, list[str]] = {}
+    for entry in requirements():
+        if "open" in entry:
+            found.setdefault(entry["point"], []).append(entry["id"])
+    return dict(sorted(found.items()))
+
+
+def score() -> str:
+    """Return how many points of the checklist are complete, and what is open in the others."""
+    left = open_points()
+    named = ", ".join(f"{point} ({', '.join(ids)})" for point, ids in left.items())
+    complete = f"{len(POINTS) - len(left)} of {len(POINTS)} points are complete"
+    whole = f"{complete}: Python and C have tests for each of their requirements."
+    return f"{whole} Open: {named}." if left else whole
+
+
 def page() -> str:
     """Return the page."""
     listed = requirements()
     lines = [
         "# Requirements and tests for device vendors",
         "",
-        "Each requirement, with the tests that verify it.",
-        "`tests/documents/test_requirements.py` fails if a requirement has no test or names a missing test.",
+        "Each requirement, with the tests that verify it in Python and in C.",
+        "`tests/documents/test_requirements.py` fails if a named test is missing.",
+        "It also fails if an interface has neither a test nor a note of what is open.",
         "This page is written by `python scripts/requirements_page.py`.",
+        "",
+        score(),
         "",
     ]
     for point, name in POINTS.items():
@@ -60,7 +81,7 @@ def page() -> str:
             lines.append(f"**{entry['id']}**: {entry['text']}")
             lines.append("")
             lines += [
-                f"- {face}: {_links(entry[key])}" for key, face in (("python", "Python"), ("c", "C")) if entry[key]
+                f"- {face}: {_links(entry[key]) or 'no test'}" for key, face in (("python", "Python"), ("c", "C"))
             ]
             if "open" in entry:
                 lines.append(f"- Open: {entry['open']}")

@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 for tool in aarch64-linux-gnu-g++ qemu-aarch64; do
   command -v $tool > /dev/null && continue
   echo "ARM tests are skipped: no $tool (Debian: apt-get install g++-aarch64-linux-gnu qemu-user)"
-  exit 0
+  exit 77  # what lacks a tool was not run: not the same as passed
 done
 
 PATH=$PATH:$PWD/.venv/bin

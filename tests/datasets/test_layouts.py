@@ -218,6 +218,19 @@ def test_pfm_that_is_cut_short_or_coloured_is_refused(tmp_path):
             read_pfm(tmp_path / f"{name}.pfm")
 
 
+@pytest.mark.parametrize("scale", ["-1.0.5", "-.", "1..", "--1", "1e"])
+def test_a_pfm_whose_scale_is_no_number_is_refused(tmp_path, scale):
+    (tmp_path / "a.pfm").write_bytes(f"Pf\n3 2\n{scale}\n".encode() + bytes(24))
+    with pytest.raises(DatasetInvalid, match="of one channel"):
+        read_pfm(tmp_path / "a.pfm")
+
+
+@pytest.mark.parametrize("scale", ["-1", "-1.", "-.5", "-1.25e-2"])
+def test_every_way_to_write_the_scale_of_a_pfm_is_read(tmp_path, scale):
+    (tmp_path / "a.pfm").write_bytes(f"Pf\n3 2\n{scale}\n".encode() + np.ones((2, 3), "<f4").tobytes())
+    assert np.array_equal(read_pfm(tmp_path / "a.pfm"), np.ones((2, 3)))
+
+
 # SCARED: a plane seen by two turned, distorted cameras
 
 SIZE = (96, 64)

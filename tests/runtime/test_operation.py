@@ -1,6 +1,7 @@
 """An estimator at work: deadlines, cancel, self test, reports and closing, as the C library has them."""
 
 import logging
+import re
 import subprocess
 import sys
 import threading
@@ -24,6 +25,22 @@ def test_late_frames_are_marked_counted_and_logged(caplog):
     assert sum("was late" in line for line in caplog.messages) == 3
     assert not DepthEstimator(TINY_MODEL, deadline_ms=60_000.0).predict(*PAIR).late
     assert not DepthEstimator(TINY_MODEL).predict(*PAIR).late
+
+
+def test_logs_hold_nothing_of_the_pictures(caplog, capfd):
+    """Two pictures that share no pixel value leave the same lines, but for times and measures."""
+    left = PAIR[0] // 2
+    found = []
+    for view in (left, 255 - left):
+        caplog.clear()
+        with caplog.at_level(logging.DEBUG, "endosdk"):
+            DepthEstimator(TINY_MODEL, deadline_ms=1e-6).predict(view, view)
+        assert len(caplog.records) >= 2
+        assert all(len(line) < 300 for line in caplog.messages)
+        assert all(isinstance(part, str | int | float) for record in caplog.records for part in record.args or ())
+        found.append([re.sub(r"[0-9]+", "", line) for line in caplog.messages])
+    assert found[0] == found[1]
+    assert capfd.readouterr() == ("", "")
 
 
 def test_pairs_of_two_scenes_are_counted_and_logged(caplog):

@@ -9,11 +9,13 @@
 
 namespace {
 
+struct Lines {
+  std::vector<std::string> seen;
+  static void add(void* self, int32_t, const char* line) { static_cast<Lines*>(self)->seen.emplace_back(line); }
+};
+
 void late_frames_are_marked_and_logged(const Places& at) {
-  struct Lines {
-    std::vector<std::string> seen;
-    static void add(void* self, int32_t, const char* line) { static_cast<Lines*>(self)->seen.emplace_back(line); }
-  } lines;
+  Lines lines;
   endo_options options = default_options(at);
   options.deadline_ms = 1e-6;
   options.log = Lines::add;
@@ -22,6 +24,34 @@ void late_frames_are_marked_and_logged(const Places& at) {
   Output out(pixels);
   CHECK(estimator.predict(Pair(width, height, 9), out) == ENDO_OK && out.result.late == 1);
   CHECK(lines.seen.size() == 1 && lines.seen[0].find("late") != std::string::npos);
+}
+
+// Two pictures that share no pixel value leave the same lines, but for times and measures.
+void logs_hold_nothing_of_the_pictures(const Places& at) {
+  std::vector<std::string> found[2];
+  for (int i = 0; i < 2; ++i) {
+    Lines lines;
+    endo_options options = default_options(at);
+    options.deadline_ms = 1e-6;
+    options.log = Lines::add;
+    options.log_context = &lines;
+    options.log_level = ENDO_LOG_INFO;
+    const Opened estimator(at, options);
+    Pair pair(width, height, 9);
+    for (uint8_t& value : pair.left) value = static_cast<uint8_t>(i == 0 ? value / 2 : 255 - value / 2);
+    pair.right = pair.left;  // one camera twice: a finding about the pictures, which is logged too
+    Output out(pixels);
+    CHECK(estimator.predict(pair, out) == ENDO_OK);
+    CHECK(lines.seen.size() >= 3);
+    for (const std::string& line : lines.seen) {
+      CHECK(line.size() < pixels / 4);  // the longest has the options of the runtime
+      std::string& words = found[i].emplace_back();
+      for (const char one : line) {
+        if (one < '0' || one > '9') words += one;
+      }
+    }
+  }
+  CHECK(found[0] == found[1]);
 }
 
 void an_exception_of_the_host_does_not_cross(const Places& at) {
@@ -129,6 +159,7 @@ void the_wrapper_throws_and_frees(const Places& at) {
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   late_frames_are_marked_and_logged(at);
+  logs_hold_nothing_of_the_pictures(at);
   an_exception_of_the_host_does_not_cross(at);
   diagnostics_fit_or_say_so(at);
   a_running_frame_can_be_cancelled(at);

@@ -12,7 +12,7 @@ from endosdk.errors import DatasetInvalid
 from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.picture_bytes import LARGEST_FILE
 
-_HEADER = re.compile(rb"Pf\s+(\d{1,9})\s+(\d{1,9})\s+(-?[\d.]+(?:[eE][-+]?\d+)?)\s")
+_HEADER = re.compile(rb"Pf\s+(\d{1,9})\s+(\d{1,9})\s+(-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s")
 
 
 def read_pfm(path: Path) -> NDArray[np.float32]:
