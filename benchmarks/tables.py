@@ -324,7 +324,8 @@ def card_trust_table(model: str) -> str:
     for found in faults:
         status.update(found["status"])
     named = _percent(sum(found["named"] for found in faults) / len(faults))
-    rows.append([f"{len(faults)} kinds of faults, named in {named}", _frames(status), "", "", ""])
+    label = f"{len(faults)} kinds of faults, named in {named}"
+    rows.append([_marked(label, record["model_sha256"]), _frames(status), "", "", ""])
     return _table(["pairs", "frames", "right pixels valid", "wrong pixels valid", "error within sigma"], rows)
 
 
