@@ -2,7 +2,7 @@
 
 python scripts/stage_pictures.py [--out docs/images] [--model fast] [--front SET ID]
 
-The README shows a pair of the test split of endosim-lap: `--front sets/endosim-lap 2022500000`.
+The README shows a pair of the test split of endosim-lap: `--front sets/endosim-lap 2022500022`.
 """
 
 from __future__ import annotations
