@@ -174,6 +174,10 @@ def test_the_ros_1_node_under_a_real_master(rig: StereoCalibration, tmp_path: Pa
     finally:
         for process in reversed(running):
             process.send_signal(signal.SIGINT)
-            process.wait(20)
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:  # the master sometimes waits for its own threads for ever
+                process.kill()
+                process.wait()
     expected = DepthEstimator(str(TINY_MODEL), calibration=rig).predict(left, right).depth
     np.testing.assert_allclose(np.load(tmp_path / "depth.npy") * 1000, expected, rtol=1e-5)

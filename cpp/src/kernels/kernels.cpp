@@ -8,6 +8,9 @@
 #include "platform/errors.hpp"
 #include "platform/system.hpp"
 #include "kernels/sets.hpp"
+#ifdef ENDOSDK_X86_KERNELS
+#include "kernels/x86_features.hpp"
+#endif
 
 #define ENDOSDK_ADDRESS(result, name, parameters) name,
 #define ENDOSDK_SET(isa)                                                 \
@@ -29,14 +32,6 @@ namespace {
 
 bool runs_plain() { return true; }
 
-#ifdef ENDOSDK_X86_KERNELS
-bool runs_avx2() { return __builtin_cpu_supports("avx2"); }
-bool runs_avx512() {
-  return runs_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
-}
-#endif
-
 struct Choice {
   Kernels kernels;
   bool (*runs)();
@@ -45,8 +40,8 @@ struct Choice {
 // Best first.
 constexpr Choice choices[] = {
 #ifdef ENDOSDK_X86_KERNELS
-    {avx512::set, runs_avx512},
-    {avx2::set, runs_avx2},
+    {avx512::set, has_avx512},
+    {avx2::set, has_avx2},
 #endif
 #ifdef ENDOSDK_ARM_KERNELS
     {neon::set, runs_plain},
@@ -72,7 +67,7 @@ const Kernels& kernels() { return *chosen().load(std::memory_order_relaxed); }
 
 bool has_integer_units() {
 #ifdef ENDOSDK_X86_KERNELS
-  return runs_avx2();
+  return has_avx2();
 #else
   return system::has_arm_dot_products();
 #endif
