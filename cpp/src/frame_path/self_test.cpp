@@ -94,7 +94,8 @@ void check_agreement(const Answer& answer, const KnownPair& pair) {
                    Text(int{answer.reasons[i]}, " at a depth of ", answer.depth[i]));
     if (!valid) continue;
     ++count;
-    require_answer(std::fabs(pair.disparity_px(double{answer.depth[i]}) - double{answer.disparity[i]}) <= rounding_px, "self test: depth",
+    const double off = pair.disparity_px(static_cast<double>(answer.depth[i])) - static_cast<double>(answer.disparity[i]);
+    require_answer(std::fabs(off) <= rounding_px, "self test: depth",
                    "must be that of the disparity", Text(answer.depth[i], " mm at ", answer.disparity[i], " px"));
     require_answer(std::isfinite(answer.sigma[i]) && answer.sigma[i] > 0.0f, "self test: sigma",
                    "must be a positive number where there is a depth", answer.sigma[i]);
@@ -112,9 +113,9 @@ void check_rows(const PoseError& found) {
 void check_plane(const Answer& answer, const KnownPair& pair) {
   const double truth = pair.disparity_px(pair.depth_mm());
   const auto is_right = [&](double disparity) { return std::fabs(disparity - truth) <= 1.0; };
-  require_share(share_of_plane(pair, [&](size_t i) { return is_right(double{answer.disparity[i]}); }), "self test: disparity",
+  require_share(share_of_plane(pair, [&](size_t i) { return is_right(static_cast<double>(answer.disparity[i])); }), "self test: disparity",
                 "at least half of a plane must be right to a pixel");
-  require_share(share_of_plane(pair, [&](size_t i) { return is_right(pair.disparity_px(double{answer.depth[i]})); }), "self test: depth",
+  require_share(share_of_plane(pair, [&](size_t i) { return is_right(pair.disparity_px(static_cast<double>(answer.depth[i]))); }), "self test: depth",
                 "at least half of a plane must have its depth, to a pixel of disparity");
   check_agreement(answer, pair);
   check_rows(answer.report.pose);
