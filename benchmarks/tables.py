@@ -94,8 +94,8 @@ TEST_SETS = {  # record and label, for the tables of one model
     "accuracy/accuracy_lap_cycles": "`endosim-lap-cycles`, path-traced, 40 pairs",
 }
 PAIRS = {"clean": "clean", "spoilt": "degraded"}  # as a record and as a page name them
-# The pairs of a card's table on trust, besides those with a fault.
-CARD_RUNS = ("1920x1080", "1thread")  # besides the run at 960 x 720 on two threads
+# What a card shows of the speed, besides the run at 960 x 720 on two threads, and of the trust, besides the faults.
+CARD_RUNS = ("1920x1080", "1thread")
 CARD_CASES = ("clean", "noise of 12 grey levels", "JPEG of quality 20")
 WIDEST_UNRESIZED = 960  # px; wider frames are resized for a model that states no inference width
 # Focal length over frame width and baseline in mm of three published rigs.

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the files of a release for every Linux with glibc 2.28 or later: the wheel, the tarball and the Debian package.
 # The compiler is Zig's clang from PyPI, which links against any release of glibc. The wheel is audited, installed into an
-# empty environment and asked for a depth map; the C library answers through its example.
+# empty environment and asked for a depth map. The C library of the Debian package is asked by its example.
 #
 #     scripts/release_files.sh [FOLDER]       default: build/release-files
 set -euo pipefail
@@ -40,6 +40,24 @@ data=$PWD/examples/data
 (
   cd "$clean"
   python/bin/endosdk predict "$data/demo/left.png" "$data/demo/right.png" --calibration "$data/rig.json" --out depth
+  python/bin/python - "$data" << 'END'
+import sys
+from pathlib import Path
+
+import cv2
+
+import endosdk
+from endosdk.io.pictures import read_frame
+
+data = Path(sys.argv[1])
+rig = endosdk.StereoCalibration.load(data / "rig.json")
+views = [read_frame(data / "demo" / f"{side}.png") for side in ("left", "right")]
+with endosdk.DepthEstimator("fast", calibration=rig) as estimator:
+    for side, view in zip(("left", "right"), estimator.rectify(*views), strict=True):
+        cv2.imwrite(f"{side}.ppm", view[..., ::-1])
+END
+  LD_LIBRARY_PATH=deb/usr/lib VIRTUAL_ENV=$PWD/python \
+    "$out/library/cpp/examples/depth_cli" deb/usr/share/endosdk/models/fast.onnx left.ppm right.ppm depth.pgm
 )
 # The kernels of this compiler, against their NumPy twins. Those of resizing are compared with torch, which is no part of this.
 "$clean/python/bin/pip" install --quiet --disable-pip-version-check pytest
