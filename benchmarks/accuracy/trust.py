@@ -139,7 +139,7 @@ def _tally(model: str, samples: list[Sample], case: Case) -> Tally:
 
 def main() -> None:
     parser = models_parser(__doc__, "so many pairs, evenly from the whole split")
-    parser.set_defaults(data=CLEAN_SET, models=["fast"])
+    parser.set_defaults(data=CLEAN_SET, models=["fast"], pairs=60)
     next(action for action in parser._actions if action.dest == "data").required = False
     parser.add_argument("--cases", nargs="+", help="names of cases (default: all)")
     args = parser.parse_args()
