@@ -12,7 +12,7 @@ PAGES = [
     *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")),
     *(ROOT / folder / "README.md" for folder in ("benchmarks", "examples/data", "ros1", "ros2")),
     *sorted((ROOT / "models").glob("*.md")),
-    *(path for path in sorted((ROOT / "docs").rglob("*.md")) if not {"history", "paper"} & set(path.parts)),
+    *(path for path in sorted((ROOT / "docs").rglob("*.md")) if "history" not in path.parts),
 ]
 FENCE = re.compile(r"^(```+)(\S*)[^\n]*\n(.*?)^\1$", re.MULTILINE | re.DOTALL)
 
