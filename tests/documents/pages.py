@@ -17,6 +17,11 @@ PAGES = [
 FENCE = re.compile(r"^(```+)(\S*)[^\n]*\n(.*?)^\1$", re.MULTILINE | re.DOTALL)
 
 
+def name_of(page: Path) -> str:
+    """Path of a page in the repository."""
+    return str(page.relative_to(ROOT))
+
+
 def blocks(page: Path, *languages: str) -> list[str]:
     """Code blocks of a page in these languages, in their order."""
     return [text for _, language, text in FENCE.findall(page.read_text()) if language in languages]
