@@ -18,7 +18,7 @@ from endosdk.calibration.boards import Board
 from endosdk.io.pictures import write_picture
 from tests.conftest import ROOT
 from tests.core.test_pose_error import RIG, cycles_pair
-from tests.documents.pages import PAGES, blocks, name_of
+from tests.documents.pages import FENCE, PAGES, blocks, name_of
 from tests.live.videos import write
 from tests.rendered_boards import POSES, shown
 
@@ -147,3 +147,10 @@ def test_long_commands_run(page, reader, tmp_path):
 def test_every_reason_is_that_of_a_command():
     lines = [line for page in SHELL for line in commands_of(page)]
     assert [start for start in (*NOT_RUN, *LONG) if not any(line.startswith(start) for line in lines)] == []
+
+
+def test_no_shell_block_has_another_name():
+    """A block of a language that nothing here looks at would run nowhere."""
+    others = {"python", "c", "cmake", "ini", "text", "{toctree}", "{eval-rst}"}
+    for page in PAGES:
+        assert {language for _, language, _ in FENCE.findall(page.read_text())} <= {"sh", "bash", *others, ""}, page
