@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 import endosdk
@@ -93,7 +92,6 @@ def _without_substitutions(app: Sphinx, what: str, name: str, thing: Any, option
 
 def setup(app: Sphinx) -> None:
     """Connect the steps that are ours."""
-    app.add_lexer("mermaid", TextLexer)  # GitHub draws these; here they stay text
     app.connect("builder-inited", _documented_header)
     app.connect("hawkmoth-process-docstring", _as_plain_text)
     app.connect("autodoc-process-docstring", _without_substitutions)

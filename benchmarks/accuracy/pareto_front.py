@@ -11,15 +11,12 @@ of a machine changes while they are measured.
 from __future__ import annotations
 
 import argparse
-import math
-from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
 import cv2
-import numpy as np
-import numpy.typing as npt
+from adjustText import adjust_text
 
 from benchmarks.methods.classical import classical_method
 from benchmarks.record import write_record
@@ -32,15 +29,10 @@ from endosdk.runtime.models import read_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.transforms import Bbox
 
-# Where a name may stand: on which side of its point, the preferred first, how many points away, and how many times as
-# far from all other points. From the second distance on a line leads back, so at worst a name only has to be free.
-SIDES = ((1, 1), (1, -1), (1, 0), (-1, 1), (-1, -1), (-1, 0), (0, 1), (0, -1))
-DISTANCES = (4, 14, 26, 40)
-STANDS = (*product((1.3,), DISTANCES, SIDES), *product((0.0,), DISTANCES[1:], SIDES))
-LETTER_GAP = 4  # px between names, so that two are not read as one
-LEADER_GAP = 8  # px from a name's leader to the points of others, so that it does not seem to end there
+ROUNDS = 300  # of moving the names apart: by number, not by time, so that one record gives one picture
+ROOM = (1.3, 1.8)  # share by which names are taken for wider and higher than they are
+SHORTEST_LINE = 3  # px
 
 
 def named_model(entry: str, threads: int) -> tuple[str, str, Method]:
@@ -97,55 +89,11 @@ def draw(points: dict[str, dict[str, float]], path: Path, title: str) -> None:
 
 
 def label_points(axes: Axes, points: dict[str, dict[str, float]]) -> None:
-    """Write each name in the nearest place where it covers nothing and other points lie clearly farther off."""
-    places = [(point["ms"], point["epe_px"]) for point in points.values()]
-    pixels = axes.transData.transform(places)
-    taken = [drawn.get_window_extent() for drawn in (*axes.lines, *axes.texts)]
-    gaps = [sorted(math.dist(point, other) for other in pixels)[1:] for point in pixels]
-    names = list(points)
-    for index in sorted(range(len(names)), key=gaps.__getitem__):  # first those that have the least room
-        for clearly, distance, (right, above) in STANDS:
-            label = axes.annotate(
-                names[index],
-                places[index],
-                xytext=(distance * right, distance * above),
-                textcoords="offset points",
-                ha={1: "left", 0: "center", -1: "right"}[right],
-                va={1: "bottom", 0: "center", -1: "top"}[above],
-                fontsize=8,
-            )
-            box = label.get_window_extent()
-            away = [_distance(box, point) for point in pixels]
-            beside = all(far >= clearly * away[index] for at, far in enumerate(away) if at != index)
-            if distance > DISTANCES[0]:
-                reach = np.array([right, above]) * distance * axes.figure.dpi / 72
-                ways = [other - pixels[index] for other in pixels]
-                apart = [way for way in ways if math.hypot(*way) >= LEADER_GAP]  # the rest lie under its end anyway
-                beside = beside and all(_distance_of_leader(way, reach) >= LEADER_GAP for way in apart)
-            if beside and _inside(box, axes.bbox) and not any(box.overlaps(other) for other in taken):
-                break
-            label.remove()
-        else:
-            axes.add_artist(label)  # nowhere is free: better written over another than not at all
-        if distance > DISTANCES[0]:
-            leader = {"arrowstyle": "-", "color": "C7", "linewidth": 0.7, "shrinkA": 0, "shrinkB": 3}
-            axes.annotate("", places[index], xytext=label.xyann, textcoords="offset points", arrowprops=leader)
-        taken.append(box.padded(LETTER_GAP))
-
-
-def _distance(box: Bbox, point: tuple[float, float]) -> float:
-    """Return how far a point lies from a box, px; 0 within."""
-    return math.hypot(*(max(low - at, at - high, 0.0) for low, at, high in zip(box.min, point, box.max, strict=True)))
-
-
-def _distance_of_leader(point: npt.NDArray[np.float64], reach: npt.NDArray[np.float64]) -> float:
-    """Return how far a point lies from the line from the origin to ``reach``, px."""
-    share = np.clip(point @ reach / (reach @ reach), 0.0, 1.0)
-    return float(np.hypot(*(point - share * reach)))
-
-
-def _inside(box: Bbox, outer: Bbox) -> bool:
-    return bool(outer.x0 <= box.x0 and outer.y0 <= box.y0 and box.x1 <= outer.x1 and box.y1 <= outer.y1)
+    """Write each name near its point, where it covers neither a point nor another name; a line leads to its point."""
+    x, y = ([point[key] for point in points.values()] for key in ("ms", "epe_px"))
+    names = [axes.text(*place, name, fontsize=8) for name, *place in zip(points, x, y, strict=True)]
+    line = {"arrowstyle": "-", "color": "C7", "linewidth": 0.7, "shrinkB": 4}
+    adjust_text(names, x, y, ax=axes, iter_lim=ROUNDS, expand=ROOM, min_arrow_len=SHORTEST_LINE, arrowprops=line)
 
 
 def main() -> None:

@@ -9,9 +9,10 @@
     python -m benchmarks.paper figures --data DIR
     python -m benchmarks.paper report
 
-``all`` does the others one after the other: called again, it takes the runs further and writes the report anew.
-Runs lie under --runs, by budget, and go on where they stopped. Scores are kept beside them; tables go to --results, the
-report and its figures to --docs. The methods on another set: evaluate --test-data DIR --table table1_NAME.
+``all`` does the others one after the other: called again, it takes the runs further and writes the tables anew.
+Runs lie under --runs, by budget, and go on where they stopped. Scores are kept beside them; records go to --results,
+figures to --docs. ``report`` writes the tables of report.md there.
+The methods on another set: evaluate --test-data DIR --table table1_NAME.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--budget", choices=sorted(BUDGETS), help="how much every run sees (default: by the device)")
     parser.add_argument("--table", default="table1", help="name of the table's file (default: %(default)s)")
     parser.add_argument("--results", type=Path, default=Path("benchmarks/results"), help="tables as JSON")
-    parser.add_argument("--docs", type=Path, default=Path("docs/paper"), help="report and figures")
+    parser.add_argument("--docs", type=Path, default=Path("docs/paper"), help="the page report.md, and figures")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these runs or methods alone")
     parser.add_argument("--pairs", type=int, help="score or search on the first so many pairs")
     parser.add_argument("--minutes", type=float, help="stop training after so long, with a checkpoint")
@@ -214,9 +215,15 @@ def _figures(args: argparse.Namespace) -> None:
 
 
 def _report(args: argparse.Namespace) -> None:
-    from benchmarks.paper.report import write_report
+    from benchmarks.paper.page_tables import page_tables
+    from benchmarks.tables.pages import filled
+    from endosdk.errors import InvalidArgument
 
-    print(f"written {write_report(args.results, args.docs)}")
+    page = args.docs / "report.md"
+    if not page.is_file():
+        raise InvalidArgument("docs", "must be a folder with the page report.md", str(args.docs))
+    page.write_text(filled(page.read_text(), page_tables(args.results, args.docs)))
+    print(f"tables written in {page}")
 
 
 COMMANDS = {

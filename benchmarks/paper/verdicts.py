@@ -11,12 +11,13 @@ from itertools import pairwise
 from statistics import mean
 from typing import Any, NamedTuple
 
-from benchmarks.paper.experiments import EXPERIMENTS, LABELS, MEASURES, Claim, Experiment, crops, unique_runs
+from benchmarks.paper.experiments import EXPERIMENTS, LABELS, TARGET_EPE_PX, Claim, Experiment, unique_runs
 
 Rows = dict[str, dict[str, Any]]  # by the name of the run; what has not been run is missing
 
-HELD, FAILED, UNDECIDED = "**held**", "**did not hold**", "**undecided**"
-NOT_RUN, NOT_MEASURED = "not yet run", "not yet measured"
+HELD, FAILED, UNDECIDED = "held", "did not hold", "undecided"
+NOT_RUN, NOT_MEASURED = "not run", "not measured"
+TOO_CLOSE = "closer than two runs of one setting"
 ENOUGH_SETTINGS = 5
 LITTLE = 0.10  # what "differ little" and "almost the same" mean here; the paper gives no number
 # By the relation that is claimed, for a measure that is smaller (True), larger (False) or too close to tell (None).
@@ -38,10 +39,18 @@ class Bound(NamedTuple):
         """Whether it is known well enough to decide by."""
         return self.settings >= ENOUGH_SETTINGS
 
-    def said(self) -> str:
-        """Say what is lacking."""
-        times = f"{self.settings} setting{'s' if self.settings != 1 else ''}"
-        return f"what two runs of one setting differ by is known from {times}, and {ENOUGH_SETTINGS} are needed"
+    @property
+    def lacking(self) -> str:
+        """How many settings were repeated, and how many must be."""
+        return f"{self.settings} of {ENOUGH_SETTINGS} settings repeated"
+
+
+class Verdict(NamedTuple):
+    """One claim as the runs decide it: the word, the numbers that decide, and why nothing is decided."""
+
+    word: str
+    numbers: str = ""
+    why: str = ""
 
 
 def repeat_bound(rows: Rows, measure: str = "epe") -> Bound:
@@ -50,58 +59,56 @@ def repeat_bound(rows: Rows, measure: str = "epe") -> Bound:
     return Bound(max((max(values) / min(values) - 1 for values in found), default=0.0), len(found))
 
 
-def claim_verdict(group: str, claim: Claim, rows: Rows, pairs: int) -> str:
-    """Judge one claim of an ablation that was scored on the first so many test pairs."""
+def claim_verdict(group: str, claim: Claim, rows: Rows) -> Verdict:
+    """Judge one claim of an ablation."""
     runs = {run.label: run for run in EXPERIMENTS if run.group == group}
     labels = (claim.run, *claim.others)
     missing = [label for label in labels if runs[label].name not in rows]
     if missing:
-        return f"{NOT_RUN}: {', '.join(missing)}."
+        return Verdict(NOT_RUN, why=f"lacks {'; '.join(missing)}")
     first = {label: rows[runs[label].name] for label in labels}
     early = [f"{label} {_stopped(row)}" for label, row in first.items() if not row["complete"]]
     if early:
-        return f"{UNDECIDED}: {', '.join(early)}."
+        return Verdict(UNDECIDED, why="; ".join(early))
     values = {label: _values(rows, runs[label], claim.measure) for label in labels}
     if not all(values.values()):
-        return f"{NOT_MEASURED}: {', '.join(label for label, found in values.items() if not found)}."
+        return Verdict(NOT_MEASURED, why=f"lacks {'; '.join(label for label, found in values.items() if not found)}")
     bound = repeat_bound(rows, claim.measure)
-    numbers = ", ".join(f"{label}: {_listed(found)}" for label, found in values.items())
-    seen = crops(first[claim.run]["samples_seen"], first[claim.run]["crop"])
-    what = f"{MEASURES[claim.measure]}, after {seen}, on the first {pairs} test pairs: {numbers}"
+    numbers = "; ".join(f"{label}: {_said(found)}" for label, found in values.items())
     if not bound.known:
-        return f"{UNDECIDED}, since {bound.said()}; {what}."
+        return Verdict(UNDECIDED, numbers, bound.lacking)
     compare = alike if claim.relation == "like" else smaller
     orders = [compare(values[claim.run], values[other], bound.share) for other in claim.others]
-    verdict = min((RELATIONS[claim.relation][order] for order in orders), key=(FAILED, UNDECIDED, HELD).index)
-    why = f" (runs of one setting differ by up to {100 * bound.share:.1f} %)" if verdict == UNDECIDED else ""
-    return f"{verdict}{why}; {what}."
+    word = min((RELATIONS[claim.relation][order] for order in orders), key=(FAILED, UNDECIDED, HELD).index)
+    return Verdict(word, numbers, TOO_CLOSE if word == UNDECIDED else "")
 
 
-def error_verdict(run: str, other: str, rows: Rows, bound: Bound) -> str:
+def error_verdict(run: str, other: str, rows: Rows, bound: Bound) -> Verdict:
     """Judge whether a run of wang2020 has a smaller error than another method of the same table."""
     if run not in rows or other not in rows:
-        return NOT_RUN
+        return Verdict(NOT_RUN)
     ours, theirs = ([row["epe"] for row in _with_seeds(name, rows)] for name in (run, other))
-    errors = f"{_said(ours)} px against {_said(theirs)} px"
+    numbers = f"{_said(ours)} against {_said(theirs)}"
     order = smaller(ours, theirs, bound.share) if bound.known else None
     # One that is behind and was stopped early could still have come first.
     behind = {True: (other,), False: (run,), None: (run, other)}[order]
     early = [f"{LABELS[name]} {_stopped(rows[name])}" for name in behind if not rows[name].get("complete", True)]
     if early:
-        return f"{UNDECIDED}: {errors}, {', '.join(early)}"
+        return Verdict(UNDECIDED, numbers, "; ".join(early))
     if not bound.known:
-        return f"{UNDECIDED}: {errors}"
-    return f"{RELATIONS['below'][order]}: {errors}"
+        return Verdict(UNDECIDED, numbers, bound.lacking)
+    return Verdict(RELATIONS["below"][order], numbers, TOO_CLOSE if order is None else "")
 
 
-def time_verdict(run: str, other: str, rows: Rows) -> str:
+def time_verdict(run: str, other: str, rows: Rows) -> Verdict:
     """Judge whether wang2020 takes less time than another method of the same table."""
     if run not in rows or other not in rows:
-        return NOT_RUN
+        return Verdict(NOT_RUN)
     ours, theirs = rows[run]["ms"], rows[other]["ms"]
+    numbers = f"{ours:.1f} against {theirs:.1f}"
     if rows[run].get("timed_on") != rows[other].get("timed_on"):
-        return f"{UNDECIDED}: they were timed on two machines"
-    return f"{HELD if ours < theirs else FAILED}: {ours:.1f} ms against {theirs:.1f} ms"
+        return Verdict(UNDECIDED, numbers, "timed on two machines")
+    return Verdict(HELD if ours < theirs else FAILED, numbers)
 
 
 class Order(NamedTuple):
@@ -120,20 +127,28 @@ FIGURE_ORDERS = (
 )
 
 
-def order_verdict(order: Order, rows: Rows, bound: Bound) -> str:
+def order_verdict(order: Order, rows: Rows, bound: Bound) -> Verdict:
     """Judge whether a measure grows along the methods as it does in the paper's pictures."""
     missing = [LABELS[name] for name in order.methods if name not in rows]
     if missing:
-        return f"{NOT_RUN}: {', '.join(missing)}."
+        return Verdict(NOT_RUN, why=f"lacks {'; '.join(missing)}")
     values = [_seen_in_pictures(rows[name], order.measure) for name in order.methods]
     if any(value is None for value in values):
-        return f"{NOT_MEASURED}."
-    said = ", ".join(f"{LABELS[name]} {value:.3f} px" for name, value in zip(order.methods, values, strict=True))
+        return Verdict(NOT_MEASURED)
+    numbers = "; ".join(f"{LABELS[name]}: {value:.3f}" for name, value in zip(order.methods, values, strict=True))
     if not bound.known:
-        return f"{UNDECIDED}, since {bound.said()}: {said}."
+        return Verdict(UNDECIDED, numbers, bound.lacking)
     steps = [smaller([a], [b], bound.share) for a, b in pairwise(values)]
-    verdict = min((RELATIONS["below"][step] for step in steps), key=(FAILED, UNDECIDED, HELD).index)
-    return f"{verdict}: {said}."
+    word = min((RELATIONS["below"][step] for step in steps), key=(FAILED, UNDECIDED, HELD).index)
+    return Verdict(word, numbers, TOO_CLOSE if word == UNDECIDED else "")
+
+
+def target_verdict(reached: float, bound: Bound) -> Verdict:
+    """Judge whether our own recipe reached its target; the reason says where another run may end on the other side."""
+    margin = reached / TARGET_EPE_PX - 1
+    close = bool(bound.settings) and abs(margin) < bound.share
+    numbers = f"{reached:.4f}, target {TARGET_EPE_PX:.2f} ({100 * margin:+.1f} %)"
+    return Verdict(HELD if margin <= 0 else FAILED, numbers, TOO_CLOSE if close else "")
 
 
 def _seen_in_pictures(row: dict[str, Any], measure: str) -> float | None:
@@ -173,13 +188,9 @@ def _with_seeds(name: str, rows: Rows) -> list[dict[str, Any]]:
     return [rows[name], *more]
 
 
-def _listed(values: list[float]) -> str:
-    return f"{_said(values)} ({len(values)} seed{'s' if len(values) > 1 else ''})"
-
-
 def _said(values: list[float]) -> str:
-    return " and ".join(f"{value:.3f}" for value in values)
+    return ", ".join(f"{value:.3f}" for value in values)
 
 
 def _stopped(row: dict[str, Any]) -> str:
-    return f"stopped early, after {row['samples_seen']} of {row['samples_planned']} samples"
+    return f"stopped at {row['samples_seen']} of {row['samples_planned']} samples"

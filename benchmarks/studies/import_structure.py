@@ -1,9 +1,10 @@
 """Who imports whom among the rooms of the package, counted and drawn.
 
     python -m benchmarks.studies.import_structure --svg docs/images/imports_after.svg
+    python -m benchmarks.studies.import_structure --reduced --svg docs/images/architecture.svg
 
 It looks at the package that this interpreter has. The interpreter of another environment draws another version.
-Drawing needs graphviz (``dot``).
+Drawing needs graphviz (``dot``, ``tred``).
 Imports of the package itself, of ``errors`` and of the compiled core are left out: nearly everything imports them.
 """
 
@@ -70,9 +71,13 @@ def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--svg", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--reduced", action="store_true", help="leave out imports that a longer way implies")
     args = parser.parse_args()
     names, imports = rooms_and_imports()
-    subprocess.run(["dot", "-Tsvg", "-o", args.svg], input=drawing(names, imports), text=True, check=True)
+    picture = drawing(names, imports)
+    if args.reduced:
+        picture = subprocess.run(["tred"], input=picture, text=True, capture_output=True, check=True).stdout
+    subprocess.run(["dot", "-Tsvg", "-o", args.svg], input=picture, text=True, check=True)
     print(json.dumps({"names": len(names), "imports": len(imports), "in_circles": len(in_circles(imports))}))
 
 

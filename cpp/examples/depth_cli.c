@@ -141,7 +141,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "depth_cli: this pair must not be used: too little of it has an answer\n");
     }
     write_map(argv[4], map, left.width, left.height);
-    printf("%s: %.1f %% of %dx%d pixels have an answer, %.1f ms\n", argv[4], 100.0 * result.valid_share, left.width,
+    printf("%s: %.1f %% of %dx%d pixels are valid, %.1f ms\n", argv[4], 100.0 * result.valid_share, left.width,
            left.height, result.rectify_ms + result.session_ms + result.postprocess_ms);
 
     endo_close(estimator);

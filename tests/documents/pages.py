@@ -12,9 +12,14 @@ PAGES = [
     *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")),
     *(ROOT / folder / "README.md" for folder in ("benchmarks", "examples/data", "ros1", "ros2")),
     *sorted((ROOT / "models").glob("*.md")),
-    *(path for path in sorted((ROOT / "docs").rglob("*.md")) if not {"history", "paper"} & set(path.parts)),
+    *(path for path in sorted((ROOT / "docs").rglob("*.md")) if "history" not in path.parts),
 ]
 FENCE = re.compile(r"^(```+)(\S*)[^\n]*\n(.*?)^\1$", re.MULTILINE | re.DOTALL)
+
+
+def name_of(page: Path) -> str:
+    """Path of a page in the repository."""
+    return str(page.relative_to(ROOT))
 
 
 def blocks(page: Path, *languages: str) -> list[str]:

@@ -13,7 +13,7 @@ import endosdk
 from endosdk.commands.cli import VERBS, build_parser
 from endosdk.io.pictures import read_frame, write_picture
 from tests.conftest import ROOT
-from tests.documents.pages import FENCE, PAGES, blocks, commands, sentences, word_count
+from tests.documents.pages import FENCE, PAGES, blocks, commands, name_of, sentences, word_count
 from tests.live.videos import write
 
 MOST_WORDS = 32
@@ -22,10 +22,6 @@ CARD_WORDS = 600
 
 # A page whose Python has a test of its own, which looks at what it leaves behind.
 ELSEWHERE = {"docs/python.md": "tests/documents/test_python_page.py"}
-
-
-def name_of(page):
-    return str(page.relative_to(ROOT))
 
 
 pages = pytest.mark.parametrize("page", PAGES, ids=name_of)

@@ -130,7 +130,8 @@ def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkey
     Path("fast").mkdir()
     checkpoint.save(Path("fast") / checkpoint.LAST, CONFIG, 7, STATE, network, optimiser)
     assert checkpoint.load(Path("fast")).step == checkpoint.load(checkpoint.starting_point("./fast")).step == 7
-    assert checkpoint.load(checkpoint.starting_point("fast")).step != 7
+    # This run alone says nothing of shipped weights: their last one may have fitted the confidence, without a step.
+    assert checkpoint.load(checkpoint.starting_point("fast")).steps_in_all > 7
     with pytest.raises(InvalidArgument, match=r"init_from: .* one of fast, fast-320, accurate, wang2020; got fats"):
         checkpoint.starting_point("fats")
 

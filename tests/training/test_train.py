@@ -150,6 +150,8 @@ def test_no_steps_fit_the_confidence_and_change_nothing_else(dataset_root, tmp_p
     first, second = weights(tmp_path / "first"), weights(tmp_path / "fitted")
     changed = [name for name in first if not torch.equal(first[name], second[name])]
     assert "confidence.weights" in changed and all(name.startswith("confidence.") for name in changed)
+    fitted = checkpoint.load(tmp_path / "fitted")
+    assert (fitted.step, fitted.steps_in_all) == (0, 2)
 
 
 def test_a_network_of_the_same_weights_can_be_the_start(dataset_root, tmp_path):

@@ -27,7 +27,7 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     printed = capsys.readouterr().out
     report = json.loads(printed[: printed.rindex("}") + 1])
     assert report["parity"]["largest_px"] <= 1e-3
-    assert report["training"]["steps_done"] == 3
+    assert report["training"]["steps_done"] == report["training"]["steps_in_all"] == 3
     assert report["training"]["test"]["pairs"] == 2
     assert report["training"]["test"]["all"]["epe_px"] > 0
     assert report["training"]["data"]["name"] == "warped"

@@ -77,7 +77,7 @@ def overview(left: Picture, result: DepthResult, truth: Map | None = None) -> Pi
     name = "depth (mm)" if metric else "disparity (px)"
     scale = _scale(height, low, high, ends=("near", "far") if metric else ("far", "near"))
     sure = _scale(height, 0.0, 1.0, family="trust", ends=("unsure", "sure"))
-    reasons = f"reasons ({100 * result.valid_share:.0f} % of pixels have an answer)"
+    reasons = f"reasons ({100 * result.valid_share:.0f} % of pixels are valid)"
     rows: list[list[Panel]] = [
         [("left view, rectified", left, None), (name, colour_map(values, low, high), scale)],
         [

@@ -31,10 +31,18 @@ class Checkpoint:
     """Everything that a run needs to go on, or an export to begin."""
 
     config: TrainConfig
-    step: int  # steps done
+    step: int  # steps done by this run alone: none where it only fitted the confidence
     state: dict[str, Any]  # free notes of the run: seconds spent, validations, data set
     network: dict[str, Tensor]
     optimiser: dict[str, Tensor]
+
+    @property
+    def steps_in_all(self) -> int:
+        """Steps behind these weights: of this run, and of every run that it goes back to."""
+        steps, before = self.step, self.state["init"]
+        while before is not None:
+            steps, before = steps + int(before["steps"]), before.get("init")
+        return steps
 
     def build(self) -> StereoNetwork:
         """Build the network that was saved, in evaluation mode."""

@@ -60,6 +60,7 @@ def release(
         "commit": machine["commit"],
         "recipe": {key: trained.config.as_dict()[key] for key in RECIPE},
         "steps_done": trained.step,
+        "steps_in_all": trained.steps_in_all,
         "precision": trained.state.get("precision"),  # None: of a run before it was kept
         "init": trained.state["init"],
     }

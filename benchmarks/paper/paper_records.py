@@ -1,0 +1,101 @@
+"""The records of the paper's experiments as the page shows them: which there are, and the labels of their rows."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from benchmarks.paper.experiments import LABELS, SEEDS, crops, rows_by_name, size
+from benchmarks.paper.one_kind import check_one_kind
+from benchmarks.paper.verdicts import Bound, Rows, repeat_bound
+from benchmarks.tables.records import marked
+
+NOT_RECORDED = "not recorded"
+
+
+@dataclass(frozen=True)
+class PaperRecords:
+    """What lies in a folder of results. A record that is missing is empty. Read anew for every page."""
+
+    results: Path
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """The methods on the test pairs. Raises InvalidArgument when its runs are of different kinds."""
+        found = self.read("paper/table1")
+        check_one_kind("table1.json", found.get("methods", {}))
+        return found
+
+    @cached_property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """Every table of methods, by the name of its pairs; the first is Table 1."""
+        others = [json.loads(file.read_text()) for file in sorted(self.results.glob("paper/table1_*.json"))]
+        return {self._pairs_of(table): table for table in (self.table, *others) if table}
+
+    def _pairs_of(self, table: dict[str, Any]) -> str:
+        """Name the pairs of a table, as they differ from those of Table 1."""
+        if table is self.table or table["dataset"] != self.table.get("dataset"):
+            return str(table["dataset"])
+        if table["sha256"] != self.table["sha256"]:
+            return f"{table['dataset']}, rendered anew"
+        return f"{table['dataset']}, first {table['pairs']}"
+
+    @cached_property
+    def ablations(self) -> dict[str, Any]:
+        """The ablations, of one kind with Table 1. Raises InvalidArgument when they are not."""
+        found = self.read("paper/ablations")
+        check_one_kind("ablations.json", {**self.table.get("methods", {}), **rows_by_name(found.get("groups", {}))})
+        return found
+
+    @cached_property
+    def known(self) -> Rows:
+        """Every row of Table 1 and of the ablations, by the name of its run."""
+        return {**self.table.get("methods", {}), **rows_by_name(self.ablations.get("groups", {}))}
+
+    @cached_property
+    def bound(self) -> Bound:
+        """By how much the errors of two runs of one setting differ."""
+        return repeat_bound(self.known)
+
+    def read(self, name: str) -> dict[str, Any]:
+        """Return a record by its folder and name."""
+        file = self.results / f"{name}.json"
+        return dict(json.loads(file.read_text())) if file.exists() else {}
+
+
+def label_of(name: str, row: dict[str, Any]) -> str:
+    """Return the label of a method's row. That of a shipped model has its version, and a mark if the file is gone."""
+    label = {**LABELS, **SEEDS}[name]
+    if "version" not in row:
+        return label
+    # A row without a hash is from before records had them.
+    return marked(f"{label}, version {row['version']}", row.get("model_sha256") or "none")
+
+
+def given(row: dict[str, Any]) -> list[str]:
+    """Say what a row was given: samples, training pairs, products, hours, precision and seed."""
+    if "samples_seen" in row:
+        hours = f"{row['hours']:.2f}" if row.get("hours") is not None else NOT_RECORDED
+        more = [hours, row.get("precision") or NOT_RECORDED, str(row.get("seed", 0))]  # every older run had seed 0
+        return [_samples(row), _pairs(row.get("train_data")), f"{row['training_tmacs']:.0f}", *more]
+    if row.get("trained_on"):
+        return ["a recipe of our own", _pairs(row["trained_on"]), "", "", "", ""]
+    return ["no training", "", "", "", "", ""]
+
+
+def _samples(row: dict[str, Any]) -> str:
+    seen = crops(row["samples_seen"], row["crop"])
+    if not row["complete"]:
+        seen = f"**stopped early**: {row['samples_seen']} of {crops(row['samples_planned'], row['crop'])}"
+    if row["refine_crop"]:
+        seen += f"; refinement on {size(row['refine_crop'])} of each"
+    if row.get("rate_restarts"):
+        seen += f"; rate raised after step {', '.join(map(str, row['rate_restarts']))}"
+    return seen
+
+
+def _pairs(data: dict[str, Any] | None) -> str:
+    return f"{data['pairs']} of {data['name']}" if data else ""

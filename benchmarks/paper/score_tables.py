@@ -1,0 +1,224 @@
+"""Tables of what was measured: the sets, the errors and times of every method, and what each run was given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PROTOCOLS, SEEDS, size
+from benchmarks.paper.paper_records import NOT_RECORDED, PaperRecords, given, label_of
+from benchmarks.paper.verdicts import NOT_MEASURED
+from benchmarks.tables.markdown import percent, table
+from endosdk.training.config import TrainConfig
+
+GIVEN = ["samples seen", "training pairs", "TMAC", "hours", "precision", "seed"]
+SEARCHES = {"paper/sgbm_search": "the present one", "history/paper/sgbm_search": "an earlier one"}
+PARTS = {
+    "edges": "depth edges",
+    "occluded": "occluded",
+    "glare": "glare",
+    "low_texture": "low texture",
+    "instrument_edges": "instrument edges",
+}
+
+
+def protocols_table() -> str:
+    """What the paper's protocol and ours give to a run."""
+    configs = [TrainConfig.from_dict(settings) for settings in PROTOCOLS.values()]
+    samples = [settings.get("epochs", 0) * settings["train_pairs"] for settings in PROTOCOLS.values()]
+    rows = [
+        ["samples", *(str(seen or one.steps * one.batch) for seen, one in zip(samples, configs, strict=True))],
+        ["size of a sample, px", *(size(one.crop) for one in configs)],
+        ["training pairs", *(str(one.train_pairs) for one in configs)],
+        ["batch", *(str(one.batch) for one in configs)],
+        ["augmentation", *("strong" if one.augment else "none" for one in configs)],
+        ["planes", "from 0 to D, D included", "from 0 to 8 px below D"],
+        ["loss", *(one.loss for one in configs)],
+        ["weight of the coarse map's loss", *(f"{one.coarse_weight:g}" for one in configs)],
+        ["optimiser", *(one.optimiser for one in configs)],
+        ["learning rate", *(f"{one.rate:g} to {one.final_rate:g}" for one in configs)],
+        ["it falls", *("by one factor an epoch" if one.decay == "epochs" else one.decay for one in configs)],
+        ["warm-up, steps", *(str(one.warmup) for one in configs)],
+        ["limit of the gradient", *(f"{one.clip:g}" if one.clip else "none" for one in configs)],
+    ]
+    return table(["setting", "the paper's protocol", "our protocol"], rows)
+
+
+def not_run_table(records: PaperRecords) -> str:
+    """The experiments that no record has, each once."""
+    run = {name for found in records.tables.values() for name in found["methods"]} | records.known.keys()
+    methods = [label for name, label in LABELS.items() if name not in run]
+    rows = [["Table 1", "; ".join(methods)]] if methods else []
+    for key, group in GROUPS.items():
+        missing = [
+            one.label
+            for one in EXPERIMENTS
+            if one.group == key != "table1" and "seed" not in one.changes and one.name not in run
+        ]
+        rows += [[f"{group.title} ({group.figures})", "; ".join(missing)]] if missing else []
+    return table(["experiment", "not run"], rows or [["all", "none is missing"]])
+
+
+def sets_table(records: PaperRecords) -> str:
+    """The pairs behind each table, and where its methods were timed."""
+    rows = []
+    for name, found in records.tables.items():
+        timing, load = _usual_timing(found), found.get("load_while_timed")
+        where = _processor(timing) if timing else found.get("machine", {}).get("cpu", NOT_RECORDED)
+        busy = NOT_RECORDED if load is None else f"{load:.1f}"
+        rows.append([name, *_set(found, found["methods"].values()), where, str(found["threads"]), busy])
+    if records.ablations:
+        ran = [row for rows in records.ablations["groups"].values() for row in rows.values() if row]
+        rows.append([f"{records.ablations['dataset']}, for the ablations", *_set(records.ablations, ran), "", "", ""])
+    heads = ["test pairs of", "SHA-256", "pairs", "pixels with truth", "of them non-occluded"]
+    return _table([*heads, "timed on", "threads", "load"], rows)
+
+
+def _set(record: dict[str, Any], rows: Any) -> list[str]:
+    """Return what a set is: every row of a table has the same pixels, and older ones do not know the non-occluded."""
+    pixels = {row["pixels"] for row in rows}
+    seen = {row["pixels_noc"] for row in rows if row.get("pixels_noc")}
+    return [
+        record["sha256"][:8],
+        str(record["pairs"]),
+        *(", ".join(f"{one:,}" for one in sorted(some)) for some in (pixels, seen)),
+    ]
+
+
+def errors_table(records: PaperRecords) -> str:
+    """Error and time of every method on every set of pairs."""
+    rows = []
+    for pairs, found in records.tables.items():
+        usual = _usual_timing(found)
+        for label, row, timed in _methods(found):
+            other = "" if timed in (None, usual) else f" ({_processor(timed)})"
+            rows.append([label, pairs, *_errors(row), f"{row['ms']:.1f}{other}"])
+    heads = ["method", "test pairs of", "EPE, px", "over 1 px", "over 2 px", "over 3 px", "over 5 px"]
+    return _table([*heads, "EPE, non-occluded, px", "coverage", "ms"], rows)
+
+
+def _methods(found: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any] | None]]:
+    """Yield the label, the row and the machine of every method that has been run, in the order of the page."""
+    for name in {**LABELS, **SEEDS}:
+        if name in found["methods"]:
+            row = found["methods"][name]
+            label = label_of(name, row)
+            yield label, row, row.get("timed_on")
+            if "unfilled" in row:
+                yield f"{label}, holes left open", row["unfilled"], row.get("timed_on")
+
+
+def _errors(row: dict[str, Any]) -> list[str]:
+    visible = "" if row["epe_noc"] is None else f"{row['epe_noc']:.3f}"
+    return [
+        f"{row['epe']:.4f}",
+        *(percent(row["kpe"][k]) for k in ("1", "2", "3", "5")),
+        visible,
+        percent(row["coverage"]),
+    ]
+
+
+def _usual_timing(found: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the processor on which most rows were timed; None where no row says."""
+    known = [row["timed_on"] for row in found["methods"].values() if "timed_on" in row]
+    return max(known, key=known.count) if known else None
+
+
+def _processor(timed: dict[str, Any]) -> str:
+    known = timed["instructions"]
+    return timed["cpu"] if known is None else f"{timed['cpu']}, {', '.join(known) or 'no instructions for networks'}"
+
+
+def runs_table(records: PaperRecords) -> str:
+    """What each method of the tables is and was given, once."""
+    rows: dict[str, list[str]] = {}
+    for found in records.tables.values():
+        for name in {**LABELS, **SEEDS}:
+            row = found["methods"].get(name)
+            if row is not None:
+                params = f"{row['params']:,}" if row.get("params") else ""
+                products = f"{row['gmacs']:.1f}" if row.get("gmacs") else ""
+                rows.setdefault(label_of(name, row), [params, products, *given(row)])
+    return _table(["method", "parameters", "GMAC a frame", *GIVEN], [[label, *cells] for label, cells in rows.items()])
+
+
+def search_table(records: PaperRecords) -> str:
+    """Where the settings of StereoSGBM come from."""
+    rows = []
+    for name in ("sgbm", "sgbm-hh"):
+        row = records.table.get("methods", {}).get(name)
+        if row is None:
+            continue
+        for record, search in SEARCHES.items():
+            found = records.read(record)
+            form = found.get("forms", {}).get(name, found)
+            if form.get("best") == row["settings"]:
+                data = found["data"]
+                pairs = f"{len(found['pairs'])} of the {data['split']} split of {data['name']}"
+                rows.append([LABELS[name], search, str(len(form["tried"])), pairs])
+                break
+        else:
+            rows.append([LABELS[name], NOT_RECORDED, "", ""])
+    return _table(["method", "search", "settings tried", "pairs"], rows)
+
+
+def learned_table(records: PaperRecords) -> str:
+    """The error on pairs that the runs have learned from, beside that on test pairs."""
+    rows = [
+        [LABELS[name], str(row["train_pairs_scored"]), f"{row['train_epe']:.3f}", f"{row['epe']:.3f}"]
+        for name, row in records.known.items()
+        if row.get("train_epe") is not None and name in LABELS
+    ]
+    return _table(["method", "training pairs scored", "EPE on them, px", "EPE on test pairs, px"], rows)
+
+
+def stages_table(records: PaperRecords) -> str:
+    """The error of AnyNet after each of its stages."""
+    rows = [
+        [LABELS[name], *(f"{error:.3f}" for error in row["stages"])]
+        for name, row in records.known.items()
+        if row.get("stages") and name in LABELS
+    ]
+    return _table(["EPE, px", "stage 1", "stage 2", "stage 3", "stage 4"], rows)
+
+
+def parts_table(records: PaperRecords) -> str:
+    """The error on the parts of the frame that the paper names as open."""
+    rows = []
+    for pairs, found in records.tables.items():
+        for name, row in found["methods"].items():
+            if row.get("parts"):
+                shown = [row["parts"].get(key) for key in PARTS]
+                cells = [f"{one['epe']:.3f} ({percent(one['pixels'] / row['pixels'])})" if one else "" for one in shown]
+                rows.append([label_of(name, row), pairs, f"{row['epe']:.3f}", *cells])
+    return _table(["method", "test pairs of", "all", *PARTS.values()], rows)
+
+
+def ablations_table(records: PaperRecords) -> str:
+    """Every run of the ablations that has been done."""
+    rows = []
+    for run in EXPERIMENTS:
+        row = records.ablations.get("groups", {}).get(run.group, {}).get(run.label)
+        if row:
+            within = f"{row['epe_in_range']:.4f}" if row.get("epe_in_range") is not None else ""
+            loss = f"{row['last_loss']:.4g}" if row.get("last_loss") is not None else ""
+            cells = [f"{row['epe']:.4f}", within, percent(row["kpe"]["1"]), loss, *given(row)]
+            rows.append([run.label, GROUPS[run.group].figures, *cells])
+    return _table(["run", "figure", "EPE, px", "EPE in range, px", "over 1 px", "loss in the last epoch", *GIVEN], rows)
+
+
+def earlier_table(records: PaperRecords) -> str:
+    """The ablations of the first report."""
+    groups = records.read("history/paper/ablations").get("groups", {})
+    rows = [
+        [GROUPS[key].figures, label, f"{row['epe']:.4f}"]
+        for key, found in groups.items()
+        for label, row in found.items()
+        if row
+    ]
+    return _table(["figure", "run", "EPE, px"], rows)
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> str:
+    """Return a table; one without rows says that nothing was measured."""
+    return table(heads, rows or [[NOT_MEASURED, *([""] * (len(heads) - 1))]])

@@ -1,0 +1,70 @@
+"""Frame rates and latency of the models, and the instructions of the kernels."""
+
+from __future__ import annotations
+
+from benchmarks.tables import records
+from benchmarks.tables.markdown import table
+
+SPEEDS = {
+    "fast": "fast, 960 x 720, 2",
+    "fast_1280x720": "fast, 1280 x 720, 2",
+    "fast_1920x1080": "fast, 1920 x 1080, 2",
+    "fast_3840x2160": "fast, 3840 x 2160, 2",
+    "fast_1thread": "fast, 960 x 720, 1",
+    "fast-320": "fast-320, 960 x 720, 2",
+    "fast-fp32": "fast-fp32, 960 x 720, 2",
+    "accurate": "accurate, 960 x 720, 2",
+    "wang2020": "wang2020, 960 x 720, 2",
+}
+SHORT_SPEEDS = {
+    "fast": "fast, 960 x 720, VNNI",
+    "fast_1920x1080": "fast, 1920 x 1080, VNNI",
+    "fast-320": "fast-320, 960 x 720, VNNI",
+    "accurate": "accurate, 960 x 720, VNNI",
+}
+# What a card shows of the speed, besides the run at 960 x 720 on two threads.
+CARD_RUNS = ("1920x1080", "1thread")
+
+
+def short_speed_table() -> str:
+    """What a reader wants to know first: frame rates of our models, each with StereoSGBM in the same run."""
+    rows = []
+    for name, label in SHORT_SPEEDS.items():
+        run = records.read(f"speed/{name}")
+        rates = (run["fps"], run["stream_fps"], run["against"]["sgbm"]["fps"])
+        rows.append([records.marked(label, run["model"]["sha256"]), *(f"{rate:.0f}" for rate in rates)])
+    return table(["model, frames", "`predict`, FPS", "`stream`, FPS", "StereoSGBM, FPS"], rows)
+
+
+def speed_table(runs: dict[str, str]) -> str:
+    """Frame rates of our models, each with StereoSGBM in the same run; record and label of every run."""
+    rows = []
+    for name, label in runs.items():
+        run = records.read(f"speed/{name}")
+        delay, sgbm = run["latency_ms"], run["against"]["sgbm"]["fps"]
+        rates = [f"{run['fps']:.1f}", f"{run['stream_fps']:.1f}"]
+        marked = records.marked(label, run["model"]["sha256"])
+        rows.append([marked, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{sgbm:.1f}"])
+    heads = ["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99", "StereoSGBM, FPS"]
+    return table(heads, rows)
+
+
+def card_speed_table(model: str) -> str:
+    """Frame rates and latency of one model."""
+    rows = []
+    for name in (model, *(f"{model}_{kind}" for kind in CARD_RUNS if f"{model}_{kind}" in SPEEDS)):
+        label = SPEEDS[name]
+        run = records.read(f"speed/{name}")
+        frames = records.marked(label.removeprefix(f"{model}, "), run["model"]["sha256"])
+        rates = [f"{run[key]:.0f}" if run[key] >= 10 else f"{run[key]:.1f}" for key in ("fps", "stream_fps")]
+        rows.append([frames, *rates, *(f"{run['latency_ms'][key]:.0f} ms" for key in ("p50", "p99"))])
+    return table(["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99"], rows)
+
+
+def arm_instructions_table() -> str:
+    """Instructions that each kernel takes on 64-bit ARM, plain and with NEON."""
+    rows = [
+        [f"`{name}`", f"{counts['plain']:,}", f"{counts['neon']:,}", f"{counts['plain'] / counts['neon']:.1f}"]
+        for name, counts in records.read("speed/arm_instructions")["instructions"].items()
+    ]
+    return table(["kernel", "plain", "NEON", "times fewer"], rows)

@@ -1,0 +1,126 @@
+"""What the status, the causes and the valid pixels of a frame are worth, and what each of them means."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from statistics import median
+from typing import Any
+
+from benchmarks.tables import records
+from benchmarks.tables.markdown import percent, table
+from endosdk import _core
+
+PAIRS = {"clean": "clean", "spoilt": "degraded"}  # as a record and as a page name them
+CARD_CASES = ("clean", "noise of 12 grey levels", "JPEG of quality 20")
+
+
+def trust_table(model: str) -> str:
+    """What a model says of clean, spoilt and faulty pairs."""
+    record = records.read("accuracy/trust")["models"][model]
+    rows = []
+    for case, found in record["cases"].items():
+        shares = (found["right_called_valid"], found["wrong_called_valid"], found["within_sigma"], found.get("named"))
+        frames = _frames(found["status"])
+        # A fault has no pixels to judge: nothing of the frame is to be used.
+        judged = shares if "named" not in found else (None, None, None, shares[3])
+        rows.append([case, frames, *("" if share is None else percent(share) for share in judged)])
+    heads = [records.marked("pairs", record["model_sha256"]), "frames", "right pixels valid", "wrong pixels valid"]
+    return table([*heads, "error within sigma", "cause named"], rows)
+
+
+def min_confidence_table() -> str:
+    """What another `min_confidence` gives: valid among right and wrong pixels, of clean pairs and of spoilt ones."""
+    models = records.read("accuracy/trust")["models"]
+    kinds = {name: [f["called_valid_by_min_confidence"] for f in _usable_cases(one)] for name, one in models.items()}
+    rows = []
+    for threshold in next(iter(kinds.values()))[0]:
+        row = [threshold]
+        for clean, *spoilt in kinds.values():
+            for kind in ("right", "wrong"):
+                row += [percent(clean[threshold][kind]), percent(median(one[threshold][kind] for one in spoilt))]
+        rows.append(row)
+    heads = [
+        f"{records.marked(name, one['model_sha256'])}, {kind}, {pairs}"
+        for name, one in models.items()
+        for kind in ("right", "wrong")
+        for pairs in ("clean", "degraded")
+    ]
+    return table(["`min_confidence`", *heads], rows)
+
+
+def _usable_cases(record: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what a record of trust says of pairs without a fault, the clean ones first."""
+    return [found for found in record["cases"].values() if "named" not in found]
+
+
+def fault_naming_table() -> str:
+    """How often a fault's cause was named, in clean pairs and in pairs that were spoilt before."""
+    record = records.read("accuracy/fault_naming")
+    kinds = {name: found["pairs"] for name, found in record["datasets"].items()}
+
+    def of(counted: dict[str, int], kind: str) -> str:
+        return str(sum(count for name, count in counted.items() if kinds[name] == kind))
+
+    plain = record["without_fault"]
+    whole = {name: found["frames"] for name, found in plain.items()}
+    not_ok = {name: found["frames"] - found["status"].get("OK", 0) for name, found in plain.items()}
+    rows = [["none: frames that are not OK", *(of(not_ok, kind) for kind in ("clean", "spoilt"))]]
+    for fault, found in record["faults"].items():
+        named = {name: one["named"] for name, one in found["sets"].items()}
+        rows.append([fault, *(of(named, kind) for kind in ("clean", "spoilt"))])
+    label = records.marked("fault", record["model_sha256"])
+    return table([label, *(f"of {of(whole, kind)} {shown} pairs" for kind, shown in PAIRS.items())], rows)
+
+
+def card_trust_table(model: str) -> str:
+    """How far a model can be trusted on clean and on degraded pairs, and how often faults are named."""
+    record = records.read("accuracy/trust")["models"][model]
+    rows = []
+    for case in CARD_CASES:
+        found = record["cases"][case]
+        shares = (found["right_called_valid"], found["wrong_called_valid"], found["within_sigma"])
+        rows.append([records.marked(case, record["model_sha256"]), _frames(found["status"]), *map(percent, shares)])
+    faults = [found for found in record["cases"].values() if "named" in found]
+    status: Counter[str] = Counter()
+    for found in faults:
+        status.update(found["status"])
+    named = percent(sum(found["named"] for found in faults) / len(faults))
+    label = f"{len(faults)} kinds of faults, named in {named}"
+    rows.append([records.marked(label, record["model_sha256"]), _frames(status), "", "", ""])
+    return table(["pairs", "frames", "right pixels valid", "wrong pixels valid", "error within sigma"], rows)
+
+
+def _frames(status: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in sorted(status.items()))
+
+
+def causes_table() -> str:
+    """The causes of a frame, as the core has them: what is measured, what follows, what to do."""
+
+    def limit(fact: Any, level: str) -> str:
+        value = fact[level]
+        side = "from" if fact["bad"] == "high" else "below"
+        return "never" if math.isnan(value) else f"{side} {value:g}"
+
+    rows = [
+        [
+            f"{cause.value} {cause.name}",
+            fact["meaning"],
+            fact["measure"],
+            limit(fact, "degraded"),
+            limit(fact, "invalid"),
+            fact["remedy"],
+        ]
+        for cause, fact in _core.cause_facts.items()
+    ]
+    return table(["cause", "what it means", "what is measured", "DEGRADED", "INVALID", "what to do"], rows)
+
+
+def reasons_table() -> str:
+    """The reasons of a pixel, as the core has them."""
+    return table(
+        ["bit", "reason", "what it means"],
+        [[str(reason.value), f"`{reason.name}`", reason.__doc__ or ""] for reason in _core.Reason],
+    )

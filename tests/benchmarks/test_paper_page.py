@@ -1,0 +1,181 @@
+"""What the tables of the page on the paper say of the records, and that nothing else on the page depends on them."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from benchmarks.paper.experiments import GROUPS, LABELS
+from benchmarks.paper.page_tables import FROM_RECORDS, page_tables
+from benchmarks.paper.paper_records import given, label_of
+from benchmarks.paper.rows import KPE, row
+from benchmarks.tables import records
+from benchmarks.tables.pages import PLACE
+from endosdk.errors import InvalidArgument
+from endosdk.io.whole_files import write_json
+from endosdk.runtime.models import read_model
+
+RESULTS = records.RESULTS
+SEEN = {"samples_seen": 1600, "samples_planned": 1600, "complete": True, "crop": [120, 960], "refine_crop": None}
+
+
+@pytest.fixture
+def table1():
+    return json.loads((RESULTS / "paper" / "table1.json").read_text())
+
+
+def cells(results, name):
+    """Return the cells of a table of the page, line by line, heads first."""
+    lines = page_tables(results, Path("none"))[f"paper-{name}"]().splitlines()
+    return [[cell.strip() for cell in line.split(" | ")] for line in lines if line.startswith("|")]
+
+
+def test_the_page_has_every_table():
+    pages = (records.SOURCES / "docs" / name for name in ("paper/report.md", "history/paper.md"))
+    placed = [name for page in pages for _, name, _ in PLACE.findall(page.read_text())]
+    assert sorted(placed) == sorted(page_tables(RESULTS, Path("none")))
+
+
+def test_a_folder_without_records_gives_tables_without_numbers(tmp_path):
+    for name in FROM_RECORDS:
+        head, _, *rows = cells(tmp_path, name)
+        assert rows and all(len(one) == len(head) for one in rows), name
+    missing = " ".join(word for line in cells(tmp_path, "not-run") for word in line)
+    assert all(label in missing for label in LABELS.values())
+    assert all(f"{group.title} ({group.figures})" in missing for key, group in GROUPS.items() if key != "table1")
+
+
+def test_what_has_been_run_is_not_named_as_missing(tmp_path, table1):
+    write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": {"psmnet": table1["methods"]["psmnet"]}})
+    write_json(tmp_path / "paper" / "table1_few.json", {**table1, "methods": {"bm": table1["methods"]["bm"]}})
+    (said,) = (line[1] for line in cells(tmp_path, "not-run") if line[0] == "| Table 1")
+    assert LABELS["psmnet"] not in said and LABELS["bm"] not in said and LABELS["patchmatch"] in said
+
+
+def test_a_row_says_what_it_was_given():
+    trained = {**SEEN, "training_tmacs": 26.4, "hours": 0.5, "precision": "bf16", "seed": 1}
+    assert given(trained) == ["1600 crops of 960 x 120", "", "26", "0.50", "bf16", "1"]
+    changed = {"crop": [720, 960], "samples_planned": 3200, "complete": False, "rate_restarts": [900]}
+    assert given({**trained, **changed, "train_data": {"name": "gi", "pairs": 800}})[:2] == [
+        "**stopped early**: 1600 of 3200 whole frames; rate raised after step 900",
+        "800 of gi",
+    ]
+    assert given({**SEEN, "training_tmacs": 1.0})[3:] == ["not recorded", "not recorded", "0"]
+    windowed = {**SEEN, "training_tmacs": 1.0, "refine_crop": [60, 120]}
+    assert given(windowed)[0].endswith("; refinement on 120 x 60 of each")
+    assert given({"trained_on": {"name": "all", "pairs": 7}})[:2] == ["a recipe of our own", "7 of all"]
+    assert given({})[0] == "no training"
+
+
+def test_a_shipped_model_has_its_version_and_a_mark_if_its_file_is_gone():
+    ships = {"version": "12", "model_sha256": read_model("fast").sha256}
+    assert label_of("shipped-fast", ships) == "fast as shipped, version 12"
+    for other in ({"model_sha256": "0"}, {"model_sha256": None}):
+        assert label_of("shipped-fast", ships | other).endswith(f"version 12 {records.STALE}")
+    assert label_of("sgbm", {}) == LABELS["sgbm"]
+
+
+def test_every_table_with_a_file_that_does_not_ship_says_so(tmp_path, table1):
+    parts = {"edges": {"epe": 1.0, "pixels": 10}}
+    rows = {name: {**values, "parts": parts} for name, values in table1["methods"].items()}
+    for name in ("wang2020", "fast"):
+        rows[f"shipped-{name}"]["model_sha256"] = read_model(name).sha256
+    write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": rows})
+    make = {name: partial(page_tables(tmp_path, Path("none"))[f"paper-{name}"]) for name in ("errors", "runs", "parts")}
+    assert all(records.STALE not in one() for one in make.values())
+    rows["shipped-fast"]["model_sha256"] = "0" * 64
+    write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": rows})
+    for one in make.values():
+        text = one()
+        assert text.count(records.STALE) == 2 and text.endswith(f"\n{records.STALE_NOTE}\n")
+
+
+def test_errors_on_training_pairs_and_after_stages_are_shown(tmp_path, table1):
+    rows = table1["methods"]
+    rows["wang2020"] |= {"train_epe": 0.4, "train_pairs_scored": 100}
+    rows["anynet"]["stages"] = [3.0, 2.0, 1.5, 1.0]
+    write_json(tmp_path / "paper" / "table1.json", table1)
+    (learned,) = cells(tmp_path, "learned")[2:]
+    assert learned == [f"| {LABELS['wang2020']}", "100", "0.400", f"{rows['wang2020']['epe']:.3f} |"]
+    (stages,) = cells(tmp_path, "stages")[2:]
+    assert stages[1:] == ["3.000", "2.000", "1.500", "1.000 |"]
+
+
+def test_the_methods_of_table_1_are_judged(table1):
+    judged = {tuple(line[:3]): line[3:5] for line in cells(RESULTS, "methods")}
+    ours, theirs = (table1["methods"][name] for name in ("wang2020", "sgbm"))
+    verdict, numbers = judged[f"| {LABELS['wang2020']}", LABELS["sgbm"], "time, ms"]
+    assert numbers == f"{ours['ms']:.1f} against {theirs['ms']:.1f}"
+    assert verdict == ("**held**" if ours["ms"] < theirs["ms"] else "**did not hold**")
+
+
+def test_records_of_different_kinds_are_refused(tmp_path, table1):
+    table1["methods"]["wang2020"]["precision"], table1["methods"]["psmnet"]["precision"] = "bf16", "fp32"
+    write_json(tmp_path / "paper" / "table1.json", table1)
+    with pytest.raises(InvalidArgument, match=r"record: \w+ must have the precision of \w+ in table1\.json"):
+        cells(tmp_path, "errors")
+
+
+def test_a_method_that_only_a_smaller_table_has_is_judged_there(tmp_path, table1):
+    write_json(tmp_path / "paper" / "table1_few.json", {**table1, "pairs": 16})
+    del table1["methods"]["psmnet"]
+    write_json(tmp_path / "paper" / "table1.json", table1)
+    where = {line[1]: line[-1] for line in cells(tmp_path, "methods")[2:]}
+    assert where[LABELS["psmnet"]] == "endosim-gi, first 16 |"
+    assert where[LABELS["sgbm"]] == "endosim-gi |"
+
+
+def test_pairs_that_were_rendered_anew_stand_apart(tmp_path, table1):
+    shipped = {"shipped-fast": {**table1["methods"]["shipped-fast"], "version": "11"}}
+    for name, content in (("table1", table1), ("table1_again", {**table1, "sha256": "other", "methods": shipped})):
+        write_json(tmp_path / "paper" / f"{name}.json", content)
+    rows = [line for line in cells(tmp_path, "errors") if line[1] == f"{table1['dataset']}, rendered anew"]
+    assert len(rows) == 1 and "version 11" in rows[0][0]
+    assert [line[1] for line in cells(tmp_path, "sets")[2:]] == [table1["sha256"][:8], "other"]
+    assert sum("version 11" in line[0] for line in cells(tmp_path, "runs")) == 1
+
+
+def test_rows_timed_on_another_machine_say_so(tmp_path, table1):
+    for name, values in table1["methods"].items():
+        values["timed_on"] = {"cpu": "Old", "instructions": None if name != "sgbm" else ["avx2", "amx_int8"]}
+    write_json(tmp_path / "paper" / "table1.json", table1)
+    other = [line[0] for line in cells(tmp_path, "errors") if line[-1].endswith("(Old, avx2, amx_int8) |")]
+    assert other == ["| StereoSGBM", "| StereoSGBM, holes left open"]
+    assert cells(tmp_path, "sets")[2][5] == "Old"
+
+
+@pytest.mark.parametrize(("last", "verdict"), [(0.2, "**held**"), (0.2001, "**did not hold**")])
+def test_our_own_recipe_is_judged_by_its_last_version(last, verdict, tmp_path):
+    versions = {number: {"endosim-gi": {"epe_px": epe}} for number, epe in {"1": 0.4, "2": last}.items()}
+    write_json(tmp_path / "studies" / "wang2020_versions.json", {"versions": versions})
+    (found,) = cells(tmp_path, "target")[2:]
+    assert found[:2] == ["| 2", verdict] and found[2].startswith(f"{last:.4f}, target 0.20")
+
+
+def test_pixels_are_counted_with_and_without_occluded_ones(tmp_path):
+    measures = {"epe_px": 0.5, **{f"kpe_{k}": 0.1 for k in KPE}, "coverage": 1.0, "pixels": 5000}
+    scores = {"all": measures, "non_occluded": {**measures, "pixels": 4000}, "pairs": 2, "ms_median": 1.0}
+    found = row(scores)
+    assert (found["pixels"], found["pixels_noc"]) == (5000, 4000)
+    table = {"dataset": "gi", "sha256": "1", "pairs": 2, "threads": 2, "methods": {"psmnet": found}}
+    write_json(tmp_path / "paper" / "table1.json", table)
+    assert cells(tmp_path, "sets")[2][2:5] == ["2", "5,000", "4,000"]
+
+
+def test_the_origin_of_settings_is_named(tmp_path, table1):
+    methods = {name: table1["methods"][name] for name in ("sgbm", "sgbm-hh")}
+    write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": methods})
+    assert [line[1] for line in cells(tmp_path, "search")[2:]] == ["not recorded"] * 2
+    data = {"name": "gi", "split": "train", "sha256": 64 * "3"}
+    earlier = {"best": methods["sgbm-hh"]["settings"], "tried": [1], "pairs": ["1"], "data": data}
+    write_json(tmp_path / "history" / "paper" / "sgbm_search.json", earlier)
+    methods["sgbm"]["settings"] = {"block_size": 11}
+    write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": methods})
+    forms = {"sgbm": {"best": {"block_size": 11}, "tried": [1, 2]}, "sgbm-hh": {"best": {}, "tried": [1, 2, 3]}}
+    search = {"forms": forms, "pairs": [str(i) for i in range(20)], "data": data}
+    write_json(tmp_path / "paper" / "sgbm_search.json", search)
+    assert [line[1:] for line in cells(tmp_path, "search")[2:]] == [
+        ["the present one", "2", "20 of the train split of gi |"],
+        ["an earlier one", "1", "1 of the train split of gi |"],
+    ]
