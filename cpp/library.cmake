@@ -32,6 +32,7 @@ add_library(
   src/library/results_in_flight.cpp
   src/library/runtime.cpp
   src/library/session_interface.cpp
+  src/library/session_threads.cpp
   src/library/signature.cpp
   ${build_info})
 add_dependencies(endosdk_objects endosdk_build_info)

@@ -73,6 +73,8 @@ class Options(Structure):
         ("float32_model_signature", c_char_p),
         ("float32_model_signature_size", c_size_t),
         ("crypto_library", c_char_p),
+        ("thread_started", c_void_p),
+        ("thread_context", c_void_p),
     ]
 
 

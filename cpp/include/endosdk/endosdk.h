@@ -34,8 +34,9 @@ A complete program, for a rig whose frames are already rectified:
         return EXIT_SUCCESS;
     }
 
-Ownership. Whatever you pass in stays yours and is not kept after the call, with two exceptions: the log function and its
-context must live until endo_close, and a result that was submitted to a stream, with its maps, until it is received.
+Ownership. Whatever you pass in stays yours and is not kept after the call, with two exceptions: the log and thread
+functions and their contexts must live until endo_close, and a result that was submitted to a stream, with its maps, until
+it is received.
 Images are read only during endo_predict or endo_stream_submit. Strings returned by the library belong to it and must not
 be freed. An estimator is yours from endo_open_* to endo_close.
 
@@ -125,6 +126,12 @@ typedef enum endo_log_level { ENDO_LOG_ERROR = 1, ENDO_LOG_WARNING = 2, ENDO_LOG
 /* Receives one line without a newline, from any thread; it must not call the library, nor throw. No log holds pixels. */
 typedef void (*endo_log_function)(void *context, int32_t level, const char *message);
 
+/* Called once in each thread that an estimator starts, by the thread itself and before it works: the place to set its
+   priority and its cores. The name is endosdk-kernels, endosdk-stream or endosdk-session, the thread's own, too. The call
+   that starts the threads waits for it, so it must return soon; it must not call the library, nor throw. Kernel threads
+   serve all estimators of the process: the hook is that of the estimator whose call starts them. */
+typedef void (*endo_thread_function)(void *context, const char *name);
+
 typedef struct endo_options {
     uint32_t struct_size;
     int32_t threads;             /* processor threads per stage, 1 to 256; 0: as many as cores, at most 8 */
@@ -160,6 +167,8 @@ typedef struct endo_options {
     size_t float32_model_signature_size;
     const char *crypto_library;  /* path of OpenSSL's libcrypto, 1.1.1 or 3, which checks signatures and is opened for that
                                     alone; NULL: where the system's loader looks */
+    endo_thread_function thread_started; /* NULL: threads keep the priority and cores of the thread that starts them */
+    void *thread_context;        /* handed to thread_started */
 } endo_options;
 
 /* Fill options with the defaults; struct_size is sizeof(endo_options). */

@@ -2,7 +2,6 @@
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
-#include "platform/system.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -30,6 +29,8 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
   threads_.reserve(static_cast<size_t>(lanes_));
   try {
     for (int i = 0; i < lanes_; ++i) threads_.emplace_back([this] { serve(); });
+    std::unique_lock lock(mutex_);
+    change_.wait(lock, [&] { return begun_ == lanes_; });
   } catch (...) {
     close();
     throw;
@@ -125,9 +126,11 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
 }
 
 void Stream::serve() {
-  system::name_this_thread("endosdk-stream");
+  start_thread("endosdk-stream", path_->settings().thread_hook);
   set_thread_count(1);
   std::unique_lock lock(mutex_);
+  ++begun_;
+  change_.notify_all();
   for (;;) {
     change_.wait(lock, [&] { return closed_ || started_ < submitted_; });
     if (closed_) return;

@@ -111,12 +111,14 @@ OpenRequest open_request(const endo_options* options) {
   s.deadline_ms = o.deadline_ms;
   s.max_age_ms = o.max_age_ms;
   s.log = s.frame_log = {o.log, o.log_context, o.log_level};
+  s.thread_hook = {o.thread_started, o.thread_context};
   check_settings(s);
   if (s.threads == 0) s.threads = default_thread_count();
   if (o.provider != nullptr) request.session.provider = o.provider;
   request.session.provider_options = provider_options(o);
   request.session.threads = s.threads;
   request.session.spinning = o.spinning == 1;
+  request.session.thread_hook = s.thread_hook;
   return request;
 }
 

@@ -88,7 +88,9 @@ PLACE(endo_options, signature_size, 168);
 PLACE(endo_options, float32_model_signature, 176);
 PLACE(endo_options, float32_model_signature_size, 184);
 PLACE(endo_options, crypto_library, 192);
-_Static_assert(sizeof(endo_options) == 200, "endo_options");
+PLACE(endo_options, thread_started, 200);
+PLACE(endo_options, thread_context, 208);
+_Static_assert(sizeof(endo_options) == 216, "endo_options");
 
 PLACE(endo_calibration, struct_size, 0);
 PLACE(endo_calibration, camera_model, 4);
