@@ -1,5 +1,4 @@
 // The host's function sees every thread that the library starts, by its name and from inside, and may bind it to a core.
-#include <dirent.h>
 #include <sched.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -9,6 +8,7 @@
 #include <mutex>
 
 #include "support.hpp"
+#include "use.hpp"
 
 namespace {
 
@@ -55,15 +55,6 @@ std::string status_of(long thread, const std::string& key) {
   return "no such thread";
 }
 
-size_t threads_now() {
-  DIR* folder = opendir("/proc/self/task");
-  CHECK(folder != nullptr);
-  size_t count = 0;
-  while (const dirent* entry = readdir(folder)) count += entry->d_name[0] != '.' ? 1 : 0;
-  closedir(folder);
-  return count;
-}
-
 endo_options hooked(const Places& at, Seen& seen) {
   endo_options options = default_options(at);
   options.threads = threads;
@@ -73,7 +64,7 @@ endo_options hooked(const Places& at, Seen& seen) {
 }
 
 void every_thread_is_shown_to_the_host(const Places& at) {
-  const size_t before = threads_now();
+  const long before = use_now().threads;
   Seen seen;
   const Opened estimator(at, hooked(at, seen));
   CHECK(seen.count("endosdk-session") == threads - 1 && seen.names.size() == threads - 1);
@@ -91,7 +82,7 @@ void every_thread_is_shown_to_the_host(const Places& at) {
     CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == &out.result);
   }
   CHECK(seen.count("endosdk-stream") == threads);
-  CHECK(threads_now() - before == seen.names.size());  // there is none that the host does not know
+  CHECK(use_now().threads - before == static_cast<long>(seen.names.size()));  // there is none that the host does not know
   for (const auto& [thread, name] : seen.names) {
     CHECK(status_of(thread, "Name") == name);
     CHECK(status_of(thread, "Cpus_allowed_list") == std::to_string(seen.core));
@@ -107,7 +98,7 @@ void a_second_estimator_shows_the_threads_of_its_own(const Places& at) {
   CHECK(seen.count("endosdk-session") == threads - 1 && seen.names.size() == threads - 1);
 }
 
-void closing_leaves_the_kernel_threads_alone(size_t before) { CHECK(threads_now() - before == threads - 1); }
+void closing_leaves_the_kernel_threads_alone(long before) { CHECK(use_now().threads - before == threads - 1); }
 
 void sessions_of_one_thread_start_none(const Places& at) {
   Seen seen;
@@ -122,7 +113,7 @@ void sessions_of_one_thread_start_none(const Places& at) {
 
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
-  const size_t before = threads_now();
+  const long before = use_now().threads;
   every_thread_is_shown_to_the_host(at);
   a_second_estimator_shows_the_threads_of_its_own(at);
   closing_leaves_the_kernel_threads_alone(before);
