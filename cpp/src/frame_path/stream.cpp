@@ -118,6 +118,7 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
   corrected_at_ = watch_.frames();
   const Size picture = stage_->picture();
   lock.unlock();
+  const LoopThreads threads(path_->settings().threads, path_->settings().thread_hook);
   auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture, [] {}, *next);
   lock.lock();
   stage_ = std::move(stage);
