@@ -27,10 +27,13 @@ add_library(
   src/library/capi_structs.cpp
   src/library/guarded.cpp
   src/library/log_reader.cpp
+  src/library/open_request.cpp
   src/library/ort_session.cpp
   src/library/results_in_flight.cpp
   src/library/runtime.cpp
   src/library/session_interface.cpp
+  src/library/session_threads.cpp
+  src/library/signature.cpp
   ${build_info})
 add_dependencies(endosdk_objects endosdk_build_info)
 target_include_directories(endosdk_objects PUBLIC include src)

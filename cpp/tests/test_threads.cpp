@@ -48,7 +48,7 @@ void test_callers_with_different_counts() {
     callers.emplace_back([caller] {
       for (int repeat = 0; repeat < 300; ++repeat) {
         const int count = (caller + repeat) % 5 + 1;
-        const ThreadCount threads(count);
+        const LoopThreads threads(count);
         test_every_index_once(50, 7);
         CHECK(thread_count() == count);
       }
@@ -62,7 +62,7 @@ void test_each_thread_has_its_own_count() {
   std::thread([] {
     CHECK(thread_count() == default_thread_count());
     {
-      const ThreadCount alone(1);
+      const LoopThreads alone(1);
       CHECK(thread_count() == 1);
     }
     CHECK(thread_count() == default_thread_count());

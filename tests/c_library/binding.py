@@ -66,6 +66,15 @@ class Options(Structure):
         ("provider_options", POINTER(c_char_p)),
         ("runtime_sha256", c_char_p),
         ("max_age_ms", c_double),
+        ("public_key", c_char_p),
+        ("public_key_size", c_size_t),
+        ("signature", c_char_p),
+        ("signature_size", c_size_t),
+        ("float32_model_signature", c_char_p),
+        ("float32_model_signature_size", c_size_t),
+        ("crypto_library", c_char_p),
+        ("thread_started", c_void_p),
+        ("thread_context", c_void_p),
     ]
 
 

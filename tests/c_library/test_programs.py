@@ -17,4 +17,4 @@ def test_programs(installed):
 
 
 def test_under_sanitizers(sanitized):
-    run_tests(sanitized, "^(library_(maps|models|operation|refusals|units)|fuzz_.*)$")
+    run_tests(sanitized, "^(library_(maps|models|operation|refusals|session_threads|thread_hook|units)|fuzz_.*)$")

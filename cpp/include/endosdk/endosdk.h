@@ -34,8 +34,9 @@ A complete program, for a rig whose frames are already rectified:
         return EXIT_SUCCESS;
     }
 
-Ownership. Whatever you pass in stays yours and is not kept after the call, with two exceptions: the log function and its
-context must live until endo_close, and a result that was submitted to a stream, with its maps, until it is received.
+Ownership. Whatever you pass in stays yours and is not kept after the call, with two exceptions: the log and thread
+functions and their contexts must live until endo_close, and a result that was submitted to a stream, with its maps, until
+it is received.
 Images are read only during endo_predict or endo_stream_submit. Strings returned by the library belong to it and must not
 be freed. An estimator is yours from endo_open_* to endo_close.
 
@@ -51,7 +52,8 @@ are only ever appended. A field that your library does not know must be zero, el
 
 Units: pixels, millimetres, milliseconds. Pixel (0, 0) is the centre of the first pixel. x_right = x_left - disparity.
 
-Networks and files: the library opens no socket, and no file but the model and ONNX Runtime's own library.
+Networks and files: the library opens no socket, and no file but the model and ONNX Runtime's own library; where a
+signature is checked, also libcrypto, which reads its own configuration.
 
 Windows: paths are UTF-8. Define ENDOSDK_STATIC where you link the static library. */
 #ifndef ENDOSDK_H
@@ -91,10 +93,11 @@ typedef enum endo_status {
     ENDO_MODEL_UNREADABLE = 7,           /* no ONNX model that the runtime accepts */
     ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself, or keeps
                                             weights in another file */
-    ENDO_MODEL_HASH_MISMATCH = 9,        /* not the bytes that options.model_sha256 asks for */
+    ENDO_MODEL_HASH_MISMATCH = 9,        /* not the bytes that options.model_sha256 or options.public_key asks for */
     ENDO_RUNTIME_MISSING = 10,           /* no ONNX Runtime of version 1.21 or later */
     ENDO_PROVIDER_UNAVAILABLE = 12,      /* nothing falls back to another provider */
     ENDO_INFERENCE_FAILED = 13,
+    ENDO_DEPENDENCY_MISSING = 15,        /* a signature is to be checked, and there is no libcrypto to do it */
     ENDO_CANCELLED = 18,
     ENDO_OUT_OF_MEMORY = 19,             /* memory, or the number of threads this process may have, is used up */
     ENDO_SELF_TEST_FAILED = 20,
@@ -123,6 +126,12 @@ typedef enum endo_log_level { ENDO_LOG_ERROR = 1, ENDO_LOG_WARNING = 2, ENDO_LOG
 /* Receives one line without a newline, from any thread; it must not call the library, nor throw. No log holds pixels. */
 typedef void (*endo_log_function)(void *context, int32_t level, const char *message);
 
+/* Called once in each thread that an estimator starts, by the thread itself and before it works: the place to set its
+   priority and its cores. The name is endosdk-kernels, endosdk-stream or endosdk-session, the thread's own, too. The call
+   that starts the threads waits for it, so it must return soon; it must not call the library, nor throw. Kernel threads
+   serve all estimators of the process: the hook is that of the estimator whose call starts them. */
+typedef void (*endo_thread_function)(void *context, const char *name);
+
 typedef struct endo_options {
     uint32_t struct_size;
     int32_t threads;             /* processor threads per stage, 1 to 256; 0: as many as cores, at most 8 */
@@ -150,6 +159,16 @@ typedef struct endo_options {
                                     anything of it runs. NULL: any. Libraries of providers beside it are not covered */
     double max_age_ms;           /* a pair that was taken longer ago, by endo_result.stamp_ns, is STALE; every pair must
                                     then have a stamp. 0 (default): none is */
+    const uint8_t *public_key;   /* 32 bytes of an Ed25519 key: the model must be signed by it. NULL: any model */
+    size_t public_key_size;
+    const uint8_t *signature;    /* 64 bytes, of the model's bytes: see "Signed models" in docs/model-file.md */
+    size_t signature_size;
+    const uint8_t *float32_model_signature; /* the same, of float32_model */
+    size_t float32_model_signature_size;
+    const char *crypto_library;  /* path of OpenSSL's libcrypto, 1.1.1 or 3, which checks signatures and is opened for that
+                                    alone; NULL: where the system's loader looks */
+    endo_thread_function thread_started; /* NULL: threads keep the priority and cores of the thread that starts them */
+    void *thread_context;        /* handed to thread_started */
 } endo_options;
 
 /* Fill options with the defaults; struct_size is sizeof(endo_options). */

@@ -38,8 +38,8 @@ inline void check(endo_status status) {
   if (status != ENDO_OK) throw Error(status, endo_last_error());
 }
 
-// The options with their defaults. Strings and the log context are only pointed at and must live until `open` returns,
-// the log context until the estimator is gone.
+// The options with their defaults. Strings and bytes are only pointed at and must live until `open` returns, the contexts
+// of the log and of the threads until the estimator is gone.
 struct Options : endo_options {
   Options() : endo_options() { check(endo_options_init(this, sizeof(endo_options))); }
 };

@@ -110,7 +110,7 @@ void FramePath::prepare(Size frame) {
   process_.check();
   const std::lock_guard lock(calls_);
   check_open();
-  const ThreadCount threads(settings_.threads);
+  const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const Clock::time_point asked = Clock::now();
   require(frame.width > 0 && frame.height > 0, "size", "must be at least 1x1", Text(frame.width, "x", frame.height));
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
@@ -129,7 +129,7 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
     check_pair(pair);
     check_stamp(pair);
     check_maps(wanted, pair.size(), calibration() != nullptr);
-    const ThreadCount threads(settings_.threads);
+    const LoopThreads threads(settings_.threads, settings_.thread_hook);
     FrameReport report = compute(pair, wanted, asked);
     watch_.add(report, *slot_);
     count(report, slot_);
@@ -209,7 +209,7 @@ std::unique_ptr<Stream> FramePath::stream(Size frame) {
   const std::lock_guard lock(calls_);
   check_open();
   const Work work(cancelling_);
-  const ThreadCount threads(settings_.threads);
+  const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const std::shared_ptr<const Rig> rig = calibration();
   auto stage = slot_ && same(slot_->stage().frame(), frame)
                    ? slot_->shared_stage()
@@ -229,7 +229,7 @@ void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, si
   check_pair(pair);
   const Size size = pair.size();
   check_capacity(capacity, size);
-  const ThreadCount threads(settings_.threads);
+  const LoopThreads threads(settings_.threads, settings_.thread_hook);
   if (!full_ || !same(full_->frame(), size)) {
     const Work work(cancelling_);
     full_ = std::make_shared<const RectifyStage>(size, calibration().get(), size, [&] { work.check(); });
@@ -266,7 +266,7 @@ void FramePath::self_test() {
   const std::lock_guard lock(calls_);
   check_open();
   Work work(cancelling_);
-  const ThreadCount threads(settings_.threads);
+  const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const Size picture = slot_ ? slot_->stage().picture() : usual_size();
   run_self_test(sessions_.of(picture), picture, work);
 }

@@ -6,6 +6,7 @@
 
 #include "frame_path/slot.hpp"
 #include "platform/log.hpp"
+#include "platform/thread_start.hpp"
 
 namespace endosdk {
 
@@ -19,6 +20,7 @@ struct FramePathSettings {
   double max_age_ms = 0.0;   // a pair that was taken longer ago is stale; 0: none is
   Log log;
   Log frame_log;  // lines about single frames
+  ThreadHook thread_hook;
 };
 
 void check_settings(const FramePathSettings& settings);

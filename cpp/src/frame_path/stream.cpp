@@ -2,7 +2,6 @@
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
-#include "platform/system.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -30,6 +29,8 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
   threads_.reserve(static_cast<size_t>(lanes_));
   try {
     for (int i = 0; i < lanes_; ++i) threads_.emplace_back([this] { serve(); });
+    std::unique_lock lock(mutex_);
+    change_.wait(lock, [&] { return begun_ == lanes_; });
   } catch (...) {
     close();
     throw;
@@ -117,6 +118,7 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
   corrected_at_ = watch_.frames();
   const Size picture = stage_->picture();
   lock.unlock();
+  const LoopThreads threads(path_->settings().threads, path_->settings().thread_hook);
   auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture, [] {}, *next);
   lock.lock();
   stage_ = std::move(stage);
@@ -125,9 +127,11 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
 }
 
 void Stream::serve() {
-  system::name_this_thread("endosdk-stream");
+  start_thread("endosdk-stream", path_->settings().thread_hook);
   set_thread_count(1);
   std::unique_lock lock(mutex_);
+  ++begun_;
+  change_.notify_all();
   for (;;) {
     change_.wait(lock, [&] { return closed_ || started_ < submitted_; });
     if (closed_) return;

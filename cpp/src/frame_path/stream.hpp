@@ -93,6 +93,7 @@ class Stream {
   std::mutex mutex_;  // guards what follows
   std::condition_variable change_;
   std::vector<Frame> frames_;  // one more than lanes: the pictures of the frame that was received last stay
+  int begun_ = 0;           // threads that were handed to the host
   bool temporal_ = false;
   uint64_t submitted_ = 0;
   uint64_t started_ = 0;

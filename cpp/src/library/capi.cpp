@@ -10,6 +10,7 @@
 #include "library/build_info.hpp"
 #include "library/capi_structs.hpp"
 #include "library/guarded.hpp"
+#include "library/open_request.hpp"
 #include "frame_path/stream.hpp"
 #include "model/providers.hpp"
 #include "platform/fair_lock.hpp"
@@ -100,11 +101,12 @@ endo_status open(const endo_options* options, endo_estimator** estimator, const 
     *estimator = nullptr;
     const endosdk::OpenRequest request = endosdk::open_request(options);
     const bool other = !request.float32_model.empty() && endosdk::wants_float32_model(request.session.provider);
+    const endosdk::ModelProof& proof = other ? request.float32_model_proof : request.model_proof;
     if (other) request.settings.log(ENDO_LOG_WARNING, "there is no fast 8-bit arithmetic here: float32_model is used");
     auto model = std::make_shared<const endosdk::ModelFile>(
-        other ? endosdk::read_model(request.float32_model, request.float32_model_sha256) : read(request.model_sha256));
+        other ? endosdk::read_model(request.float32_model, proof) : read(proof));
     const endosdk::Log& log = request.settings.log;
-    if (!model->is_sealed && (other ? request.float32_model_sha256 : request.model_sha256).empty()) {
+    if (!model->is_sealed && !proof.is_given()) {
       log(ENDO_LOG_WARNING, (model->origin + " carries no seal: damage to its weights would not be noticed; export it "
                              "with this release").c_str());
     }
@@ -138,6 +140,7 @@ const char* endo_status_name(int32_t status) {
     case ENDO_RUNTIME_MISSING: return "RUNTIME_MISSING";
     case ENDO_PROVIDER_UNAVAILABLE: return "PROVIDER_UNAVAILABLE";
     case ENDO_INFERENCE_FAILED: return "INFERENCE_FAILED";
+    case ENDO_DEPENDENCY_MISSING: return "DEPENDENCY_MISSING";
     case ENDO_CANCELLED: return "CANCELLED";
     case ENDO_OUT_OF_MEMORY: return "OUT_OF_MEMORY";
     case ENDO_SELF_TEST_FAILED: return "SELF_TEST_FAILED";
@@ -160,16 +163,16 @@ endo_status endo_options_init(endo_options* options, size_t struct_size) {
 }
 
 endo_status endo_open_file(const char* path, const endo_options* options, endo_estimator** estimator) {
-  return open(options, estimator, [&](const std::string& expected) {
+  return open(options, estimator, [&](const endosdk::ModelProof& proof) {
     require_pointer(path, "path");
-    return endosdk::read_model(path, expected);
+    return endosdk::read_model(path, proof);
   });
 }
 
 endo_status endo_open_memory(const void* data, size_t size, const endo_options* options, endo_estimator** estimator) {
-  return open(options, estimator, [&](const std::string& expected) {
+  return open(options, estimator, [&](const endosdk::ModelProof& proof) {
     require_pointer(data, "data");
-    return endosdk::copy_model(data, size, expected);
+    return endosdk::copy_model(data, size, proof);
   });
 }
 

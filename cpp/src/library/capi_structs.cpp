@@ -9,21 +9,19 @@
 
 #include "geometry/pose_filter.hpp"
 #include "maps/reasons.hpp"
+#include "library/struct_io.hpp"
 #include "platform/errors.hpp"
-#include "platform/threads.hpp"
 
 namespace endosdk {
 namespace {
 
 // Sizes of the structs in the first release; they only grow.
-constexpr size_t first_options = 104;
 constexpr size_t first_calibration = 392;
 constexpr size_t first_geometry = 48;
 constexpr size_t first_image = 32;
 constexpr size_t first_result = 120;
-static_assert(sizeof(endo_options) >= first_options && sizeof(endo_calibration) >= first_calibration &&
-              sizeof(endo_geometry) == first_geometry && sizeof(endo_image) == first_image &&
-              sizeof(endo_result) >= first_result);
+static_assert(sizeof(endo_calibration) >= first_calibration && sizeof(endo_geometry) == first_geometry &&
+              sizeof(endo_image) == first_image && sizeof(endo_result) >= first_result);
 
 // What the header shows and the core means are the same numbers.
 static_assert(ENDO_QUALITY_OK == static_cast<int>(Quality::ok) && ENDO_QUALITY_DEGRADED == static_cast<int>(Quality::degraded) &&
@@ -39,80 +37,6 @@ static_assert(same(ENDO_CAUSE_COVERED, Cause::covered) && same(ENDO_CAUSE_SATURA
               same(ENDO_CAUSE_LATE, Cause::late) && same(ENDO_CAUSE_VIEWS_DIFFER, Cause::views_differ) &&
               same(ENDO_CAUSE_FEW_VALID, Cause::few_valid) && same(ENDO_CAUSE_STALE, Cause::stale) &&
               ENDO_MOST_CAUSES == most_causes);
-
-constexpr size_t largest_struct = 65536;  // beyond it struct_size was surely never set
-
-void check_struct_size(size_t size, size_t first, const char* argument) {
-  require(size >= first && size <= largest_struct, ENDO_INVALID_ARGUMENT, Text(argument, ".struct_size"),
-          Text("must be sizeof the struct, at least ", first), size);
-}
-
-// A copy of the fields that both the caller and this library know; what only the caller knows must be zero.
-template <typename Struct>
-Struct read_struct(const Struct* given, size_t first, const char* argument) {
-  require(given != nullptr, ENDO_INVALID_ARGUMENT, argument, "must not be NULL", "NULL");
-  const size_t size = given->struct_size;
-  check_struct_size(size, first, argument);
-  const auto* bytes = reinterpret_cast<const unsigned char*>(given);
-  const bool understood = std::all_of(bytes + std::min(size, sizeof(Struct)), bytes + size, [](auto b) { return b == 0; });
-  require(understood, ENDO_INVALID_ARGUMENT, argument, "must use no field newer than this library", "a newer field");
-  Struct known{};
-  std::memcpy(&known, given, std::min(size, sizeof(Struct)));
-  return known;
-}
-
-template <typename Struct>
-void write_struct(Struct known, size_t size, Struct* target) {
-  known.struct_size = static_cast<uint32_t>(size);
-  std::memcpy(target, &known, std::min(size, sizeof(Struct)));
-}
-
-template <typename Rule, typename Value>
-void require_argument(bool holds, const char* argument, const Rule& rule, const Value& value) {
-  require(holds, ENDO_INVALID_ARGUMENT, argument, rule, value);
-}
-
-endo_options default_options() {
-  endo_options options{};
-  options.struct_size = sizeof options;
-  options.spinning = 1;
-  options.log_level = ENDO_LOG_WARNING;
-  options.provider = "cpu";
-  const FramePathSettings defaults;
-  options.min_confidence = defaults.limits.min_confidence;
-  options.min_depth_mm = defaults.limits.min_depth_mm;
-  options.max_depth_mm = defaults.limits.max_depth_mm;
-  options.depth_unit_mm = defaults.limits.depth_unit_mm;
-  options.deadline_ms = defaults.deadline_ms;
-  return options;
-}
-
-// NULL means "any" or "search", and is empty here. An empty text from the caller is a mistake, such as a variable that
-// was never filled, and must not switch off what he meant to ask for.
-std::string text_or_nothing(const char* text, const char* argument) {
-  require_argument(text == nullptr || *text != '\0', argument, "must be NULL or not empty", "''");
-  return text != nullptr ? text : "";
-}
-
-// The rules of the frame path's own settings stand there.
-void check_numbers(const endo_options& o) {
-  require_argument(o.spinning == 0 || o.spinning == 1, "spinning", "must be 0 or 1", o.spinning);
-  require_argument(o.log_level >= ENDO_LOG_ERROR && o.log_level <= ENDO_LOG_INFO, "log_level", "must be an endo_log_level",
-                   o.log_level);
-}
-
-ProviderOptions provider_options(const endo_options& o) {
-  std::vector<std::string> texts;
-  for (const char* const* text = o.provider_options; text != nullptr && *text != nullptr; ++text) texts.emplace_back(*text);
-  ProviderOptions options = parse_provider_options(texts);
-  check_provider_options(o.provider != nullptr ? o.provider : cpu_provider, options);
-  return options;
-}
-
-std::optional<Size> network_size(const endo_options& o) {
-  if (o.network_width == 0 && o.network_height == 0) return std::nullopt;
-  return Size{o.network_width, o.network_height};
-}
 
 ImageView view_of(const endo_image& image, const char* argument) {
   const bool known = image.format == ENDO_RGB8 || image.format == ENDO_BGR8 || image.format == ENDO_GRAY8;
@@ -145,37 +69,6 @@ Memory memory_of(const ImageView& image, const char* name) {
 }
 
 }  // namespace
-
-void write_default_options(endo_options* options, size_t struct_size) {
-  check_struct_size(struct_size, first_options, "options");
-  std::memset(options, 0, struct_size);
-  write_struct(default_options(), struct_size, options);
-}
-
-OpenRequest open_request(const endo_options* options) {
-  const endo_options o = options != nullptr ? read_struct(options, first_options, "options") : default_options();
-  check_numbers(o);
-  OpenRequest request;
-  request.model_sha256 = text_or_nothing(o.model_sha256, "model_sha256");
-  request.float32_model = text_or_nothing(o.float32_model, "float32_model");
-  request.float32_model_sha256 = text_or_nothing(o.float32_model_sha256, "float32_model_sha256");
-  request.runtime_library = text_or_nothing(o.runtime_library, "runtime_library");
-  request.runtime_sha256 = text_or_nothing(o.runtime_sha256, "runtime_sha256");
-  FramePathSettings& s = request.settings;
-  s.threads = o.threads;
-  s.network = network_size(o);
-  s.limits = {o.min_confidence, o.min_depth_mm, o.max_depth_mm, o.depth_unit_mm};
-  s.deadline_ms = o.deadline_ms;
-  s.max_age_ms = o.max_age_ms;
-  s.log = s.frame_log = {o.log, o.log_context, o.log_level};
-  check_settings(s);
-  if (s.threads == 0) s.threads = default_thread_count();
-  if (o.provider != nullptr) request.session.provider = o.provider;
-  request.session.provider_options = provider_options(o);
-  request.session.threads = s.threads;
-  request.session.spinning = o.spinning == 1;
-  return request;
-}
 
 Rig read_rig(const endo_calibration& calibration) {
   const endo_calibration numbers = read_struct(&calibration, first_calibration, "calibration");

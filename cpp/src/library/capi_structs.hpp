@@ -4,30 +4,13 @@
 #include <endosdk/endosdk.h>
 
 #include <memory>
-#include <string>
 
 #include "frame_path/frame_path.hpp"
-#include "library/ort_session.hpp"
 #include "library/results_in_flight.hpp"
 #include "maps/maps.hpp"
 #include "geometry/rig.hpp"
 
 namespace endosdk {
-
-struct OpenRequest {
-  FramePathSettings settings;
-  SessionSettings session;
-  std::string runtime_library;  // empty: search
-  std::string runtime_sha256;   // empty: any
-  std::string model_sha256;     // empty: any
-  std::string float32_model;    // path; empty: none
-  std::string float32_model_sha256;
-};
-
-void write_default_options(endo_options* options, size_t struct_size);
-
-// Null options are the defaults.
-OpenRequest open_request(const endo_options* options);
 
 Rig read_rig(const endo_calibration& calibration);
 void write_geometry(const Rig& rig, endo_geometry& geometry);

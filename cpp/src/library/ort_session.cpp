@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "platform/threads.hpp"
-
 namespace endosdk {
 namespace {
 
@@ -144,7 +142,8 @@ std::unique_ptr<Session::Run> OrtStereoSession::bind(SessionBuffers& buffers) {
 
 std::shared_ptr<Session> OrtStereoSession::for_one_thread_each() {
   if (facts_.provider != cpu_provider || settings_.threads == 1) return nullptr;
-  return std::make_shared<OrtStereoSession>(runtime_, file_, SessionSettings{settings_.provider, {}, 1, false}, log_.log());
+  const SessionSettings alone = {settings_.provider, {}, 1, false, settings_.thread_hook};
+  return std::make_shared<OrtStereoSession>(runtime_, file_, alone, log_.log());
 }
 
 void OrtStereoSession::open() {
@@ -160,19 +159,21 @@ void OrtStereoSession::open() {
   const bool may_be_slow = is_reader();
   check(api.SetUserLoggingFunction(options.get(), LogReader::forward, &log_));
   check(api.SetSessionLogSeverityLevel(options.get(), sides_ ? ORT_LOGGING_LEVEL_VERBOSE : log_.severity()));
-  check(api.SetIntraOpNumThreads(options.get(), may_be_slow ? 1 : settings_.threads));
+  const int threads = may_be_slow ? 1 : settings_.threads;
+  check(api.SetIntraOpNumThreads(options.get(), threads));
   check(api.AddSessionConfigEntry(options.get(), "session.intra_op.allow_spinning", settings_.spinning ? "1" : "0"));
   // Waiting threads must not burn the cores that rectification and post-processing need between two runs.
   check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
   if (may_be_slow) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
   if (sides_) add_provider(options.get());
-  // The runtime hangs where the system runs out of threads while it starts its own, so they are asked for first.
-  reserve_threads(settings_.threads);
+  threads_ = std::make_unique<SessionThreads>(threads - 1, settings_.thread_hook);  // the caller works, too
+  threads_->offer(*runtime_, options.get());
   log_.start_reading();
   OrtSession* session = nullptr;
   OrtStatus* status =
       api.CreateSessionFromArray(environment_.get(), file_->data.data(), file_->data.size(), options.get(), &session);
   const Placement& placement = log_.stop_reading();
+  threads_->end_spare();
   if (sides_) check_provider(status);
   else runtime_->check(status, ENDO_MODEL_UNREADABLE, "model", Text(file_->origin, " must be an ONNX file that runs here"));
   session_.reset(session);

@@ -9,6 +9,7 @@
 #include "library/log_reader.hpp"
 #include "library/runtime.hpp"
 #include "library/session_interface.hpp"
+#include "library/session_threads.hpp"
 #include "model/providers.hpp"
 
 namespace endosdk {
@@ -16,8 +17,9 @@ namespace endosdk {
 struct SessionSettings {
   std::string provider = "cpu";  // short name or the runtime's own
   ProviderOptions provider_options;
-  int threads = 0;               // 0: the runtime chooses
+  int threads = 1;
   bool spinning = true;
+  ThreadHook thread_hook{};
 };
 
 // For an accelerator this one only reads what the model says of itself, on the processor; what runs is made by `for_size`.
@@ -53,6 +55,7 @@ class OrtStereoSession : public Session {
   SessionFacts facts_;
   ModelInfo info_;
   OrtHandle<OrtEnv> environment_;
+  std::unique_ptr<SessionThreads> threads_;
   OrtHandle<OrtSession> session_;
 };
 

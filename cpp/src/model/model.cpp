@@ -25,9 +25,10 @@ const std::string prefix = "endosdk.";
 
 std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
-void check_content(ModelFile& model, const std::string& expected) {
+void check_content(ModelFile& model, const ModelProof& proof) {
   model.sha256 = sha256(model.data.data(), model.data.size());
-  check_sha256(model.sha256, expected, ENDO_MODEL_HASH_MISMATCH, "model", model.origin);
+  check_sha256(model.sha256, proof.sha256, ENDO_MODEL_HASH_MISMATCH, "model", model.origin);
+  if (proof.signature) proof.signature(model);
   const std::string_view bytes = {model.data.data(), model.data.size()};
   model.is_sealed = check_seal(bytes, model.origin);
   check_weights_are_inside(bytes, model.origin);
@@ -94,7 +95,7 @@ std::string text_of(const Upsampling& u) {
   return text.str();
 }
 
-ModelFile read_model(const std::string& path, const std::string& expected) {
+ModelFile read_model(const std::string& path, const ModelProof& proof) {
   std::string why;
   std::optional<std::vector<char>> bytes = system::read_file(path, why);
   require(bytes.has_value(), ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read",
@@ -102,15 +103,15 @@ ModelFile read_model(const std::string& path, const std::string& expected) {
   ModelFile model;
   model.origin = path;
   model.data = std::move(*bytes);
-  check_content(model, expected);
+  check_content(model, proof);
   return model;
 }
 
-ModelFile copy_model(const void* data, size_t size, const std::string& expected) {
+ModelFile copy_model(const void* data, size_t size, const ModelProof& proof) {
   ModelFile model;
   model.origin = "<memory>";
   model.data.assign(static_cast<const char*>(data), static_cast<const char*>(data) + size);
-  check_content(model, expected);
+  check_content(model, proof);
   return model;
 }
 

@@ -36,9 +36,17 @@ struct ModelInfo {
   std::string sha256;    // of the model's bytes
 };
 
-// Hash and content are of the very bytes that are kept, which hold all of the model. An empty `expected` accepts any hash.
-ModelFile read_model(const std::string& path, const std::string& expected);
-ModelFile copy_model(const void* data, size_t size, const std::string& expected);
+// What a host asks of a model's bytes before anything of them is read.
+struct ModelProof {
+  std::string sha256;                                // 64 hexadecimal digits; empty: any
+  std::function<void(const ModelFile&)> signature{};  // throws unless it holds; null: none is asked for
+
+  bool is_given() const { return !sha256.empty() || signature != nullptr; }
+};
+
+// Hash, signature and content are of the very bytes that are kept, which hold all of the model.
+ModelFile read_model(const std::string& path, const ModelProof& proof);
+ModelFile copy_model(const void* data, size_t size, const ModelProof& proof);
 
 using MetadataLookup = std::function<std::optional<std::string>(const std::string& key)>;
 

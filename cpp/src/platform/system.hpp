@@ -23,6 +23,9 @@ std::string file_of(const void* address);
 // the system looks.
 std::vector<std::string> runtime_places(const std::string& own_folder);
 
+// Names of OpenSSL's libcrypto, which the system's loader looks for; one that this process uses already comes first.
+std::vector<std::string> crypto_places();
+
 // ---- Environment ----
 
 // Whether this process may do what the user who started it may not.

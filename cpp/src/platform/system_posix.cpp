@@ -16,6 +16,7 @@
 #include <sys/auxv.h>
 #endif
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -33,9 +34,11 @@ namespace {
 #ifdef __APPLE__
 constexpr const char* runtime_pattern = "/libonnxruntime*.dylib";
 constexpr const char* runtime_names[] = {"libonnxruntime.dylib"};
+constexpr const char* crypto_names[] = {"libcrypto.3.dylib", "libcrypto.1.1.dylib"};
 #else
 constexpr const char* runtime_pattern = "/libonnxruntime.so*";
 constexpr const char* runtime_names[] = {"libonnxruntime.so.1", "libonnxruntime.so"};
+constexpr const char* crypto_names[] = {"libcrypto.so.3", "libcrypto.so.1.1"};
 #endif
 
 void add_matches(const std::string& pattern, std::vector<std::string>& paths) {
@@ -88,6 +91,12 @@ std::vector<std::string> runtime_places(const std::string& own_folder) {
   }
   paths.insert(paths.end(), std::begin(runtime_names), std::end(runtime_names));
   return paths;
+}
+
+std::vector<std::string> crypto_places() {
+  std::vector<std::string> names(std::begin(crypto_names), std::end(crypto_names));
+  std::stable_partition(names.begin(), names.end(), is_loaded);
+  return names;
 }
 
 bool has_raised_privileges() {

@@ -17,6 +17,11 @@ namespace endosdk::system {
 namespace {
 
 constexpr const wchar_t* runtime_name = L"onnxruntime.dll";
+#ifdef _M_ARM64
+constexpr const char* crypto_names[] = {"libcrypto-3-arm64.dll", "libcrypto-1_1-arm64.dll"};
+#else
+constexpr const char* crypto_names[] = {"libcrypto-3-x64.dll", "libcrypto-1_1-x64.dll"};
+#endif
 
 std::wstring wide(const std::string& text) {
   const int length = static_cast<int>(text.size());
@@ -84,6 +89,12 @@ std::vector<std::string> runtime_places(const std::string& own_folder) {
   }
   // No bare name: Windows has an ONNX Runtime of its own, of whatever version.
   return paths;
+}
+
+std::vector<std::string> crypto_places() {
+  std::vector<std::string> names(std::begin(crypto_names), std::end(crypto_names));
+  std::stable_partition(names.begin(), names.end(), is_loaded);
+  return names;
 }
 
 bool has_raised_privileges() { return false; }  // no file says so, as set-user-ID does elsewhere

@@ -14,6 +14,7 @@ namespace endosdk {
 namespace {
 
 thread_local int wanted_threads = 0;  // 0: the default
+thread_local ThreadHook worker_hook;  // of the workers that start in loops of this thread
 
 // One loop while it runs. Workers take blocks from a shared counter, so a slow or late worker costs little.
 struct Loop {
@@ -63,18 +64,26 @@ class Pool {
 
  private:
   void start(int workers) {
+    if (started_ >= workers) return;
     for (; started_ < workers; ++started_) {
       try {
-        std::thread([this, worker = started_ + 1, seen = generation_]() mutable { serve(worker, seen); }).detach();
+        std::thread([this, worker = started_ + 1, seen = generation_, hook = worker_hook] {
+          serve(worker, seen, hook);
+        }).detach();
       } catch (const std::system_error&) {
-        return;  // the system has no thread left: the loop runs on those there are
+        break;  // the system has no thread left: the loop runs on those there are
       }
     }
+    // The hook may be called no more once the host's own call has ended.
+    std::unique_lock lock(mutex_);
+    done_.wait(lock, [&] { return begun_ == started_; });
   }
 
-  [[noreturn]] void serve(int worker, unsigned seen) {
-    system::name_this_thread("endosdk-kernels");
+  [[noreturn]] void serve(int worker, unsigned seen, const ThreadHook& hook) {
+    start_thread("endosdk-kernels", hook);
     std::unique_lock lock(mutex_);
+    ++begun_;
+    done_.notify_one();
     for (;;) {
       wake_.wait(lock, [&] { return generation_ != seen; });
       seen = generation_;
@@ -94,6 +103,7 @@ class Pool {
   std::condition_variable done_;
   Loop loop_;
   unsigned generation_ = 0;
+  int begun_ = 0;      // workers that were handed to the host
   int active_ = 0;     // workers inside the loop
   bool open_ = false;  // workers may still join the loop
 };
@@ -162,6 +172,16 @@ int thread_count() { return wanted_threads > 0 ? wanted_threads : default_thread
 void set_thread_count(int count) {
   require(count >= 1 && count <= max_threads, "threads", Text("must be 1 to ", max_threads), count);
   wanted_threads = count;
+}
+
+LoopThreads::LoopThreads(int count, const ThreadHook& hook) : count_before_(thread_count()), hook_before_(worker_hook) {
+  set_thread_count(count);
+  worker_hook = hook;
+}
+
+LoopThreads::~LoopThreads() {
+  set_thread_count(count_before_);
+  worker_hook = hook_before_;
 }
 
 void parallel_for(int count, int block, LoopBody body, int workers) {

@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "platform/errors.hpp"
+#include "platform/thread_start.hpp"
 
 namespace endosdk {
 
@@ -30,17 +31,18 @@ void reserve_threads(int count);
 // For the later loops of the calling thread, 1 to max_threads. With 1 they run on that thread alone.
 void set_thread_count(int count);
 
-// The same for as long as the object lives.
-class ThreadCount {
+// The same for as long as the object lives. Workers that start meanwhile are handed to the hook, each before it works.
+class LoopThreads {
  public:
-  explicit ThreadCount(int count) : before_(thread_count()) { set_thread_count(count); }
-  ~ThreadCount() { set_thread_count(before_); }
+  explicit LoopThreads(int count, const ThreadHook& hook = {});
+  ~LoopThreads();
 
-  ThreadCount(const ThreadCount&) = delete;
-  ThreadCount& operator=(const ThreadCount&) = delete;
+  LoopThreads(const LoopThreads&) = delete;
+  LoopThreads& operator=(const LoopThreads&) = delete;
 
  private:
-  int before_;
+  int count_before_;
+  ThreadHook hook_before_;
 };
 
 // A reference to the body of a loop; it is called as body(begin, end, worker) with worker below thread_count().

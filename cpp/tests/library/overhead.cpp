@@ -24,7 +24,7 @@ class Bare {
  public:
   Bare(const Places& at, const endo_calibration& numbers, Size frame, int threads)
       : rig_(numbers),
-        session_(Runtime::open(at.runtime, "", {}), std::make_shared<const ModelFile>(read_model(at.model, "")),
+        session_(Runtime::open(at.runtime, "", {}), std::make_shared<const ModelFile>(read_model(at.model, {})),
                  {"cpu", {}, threads, true}, {}),
         picture_(network_size_of(frame, session_.model().inference_width)),
         rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_), Border::fading)),

@@ -3,39 +3,16 @@
 //     library_steadiness RUNTIME MODEL FRAMES SECONDS
 //
 // It waits for so many seconds in the end, for whoever listens to what the process does.
-#include <dirent.h>
-#include <unistd.h>
-
 #include <chrono>
 #include <thread>
 
 #include "support.hpp"
+#include "use.hpp"
 
 namespace {
 
 constexpr int width = 96;
 constexpr int height = 64;
-
-long entries(const char* folder) {
-  DIR* opened = opendir(folder);
-  CHECK(opened != nullptr);
-  long count = 0;
-  while (readdir(opened) != nullptr) ++count;
-  closedir(opened);
-  return count;
-}
-
-struct Use {
-  long resident_kib;
-  long handles;
-  long threads;
-};
-
-Use use_now() {
-  long pages = 0;
-  std::ifstream("/proc/self/statm").ignore(32, ' ') >> pages;
-  return {pages * sysconf(_SC_PAGESIZE) / 1024, entries("/proc/self/fd"), entries("/proc/self/task")};
-}
 
 }  // namespace
 

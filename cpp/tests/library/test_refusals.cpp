@@ -53,6 +53,24 @@ void bad_openings_are_refused(const Places& at) {
   endo_close(nullptr);
 }
 
+bool is_mapped(const char* library) { return read_file("/proc/self/maps").find(library) != std::string::npos; }
+
+// A host without signatures needs no libcrypto.
+void libcrypto_is_opened_for_a_signature_alone(const Places& at) {
+  endo_options options = default_options(at);
+  endo_estimator* handle = nullptr;
+  CHECK(endo_open_file(at.model.c_str(), &options, &handle) == ENDO_OK);
+  endo_close(handle);
+  CHECK(!is_mapped("libcrypto"));
+  const std::vector<uint8_t> nonsense(64, 0xff);
+  options.public_key = options.signature = nonsense.data();
+  options.public_key_size = 32;
+  options.signature_size = 64;
+  const endo_status status = endo_open_file(at.model.c_str(), &options, &handle);
+  expect(status, is_mapped("libcrypto") ? ENDO_MODEL_HASH_MISMATCH : ENDO_DEPENDENCY_MISSING, "");
+  CHECK(handle == nullptr);
+}
+
 // Nobody writes to this pipe, so whoever waits for it waits forever.
 void a_pipe_is_no_model(const Places& at) {
   const std::string pipe = "pipe-" + std::to_string(getpid());
@@ -190,6 +208,7 @@ void maps_over_a_picture_are_refused_and_nothing_is_written(const Places& at) {
 
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
+  libcrypto_is_opened_for_a_signature_alone(at);
   bad_openings_are_refused(at);
   a_pipe_is_no_model(at);
   structs_may_be_longer_than_this_library_knows(at);

@@ -1,0 +1,22 @@
+// How each thread of this library begins: it gets its name, and the host may set its priority and its cores.
+#pragma once
+
+#include <endosdk/endosdk.h>
+
+#include "platform/system.hpp"
+
+namespace endosdk {
+
+// The host's function, if there is one.
+struct ThreadHook {
+  endo_thread_function function = nullptr;
+  void* context = nullptr;
+};
+
+// To be called once, by the thread itself and before it works.
+inline void start_thread(const char* name, const ThreadHook& hook) {
+  system::name_this_thread(name);
+  if (hook.function != nullptr) hook.function(hook.context, name);
+}
+
+}  // namespace endosdk
