@@ -47,6 +47,8 @@ def load_runtime(sha256: str | None = None) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
+        if runtime_file.lacks_memory(error):
+            raise OutOfMemory("onnxruntime", "its library must fit into memory", error) from error
         raise RuntimeMissing("onnxruntime", must_install("cpu"), str(error)) from error
     if telemetry.started_by_host():
         warnings.warn(
@@ -247,7 +249,8 @@ class StereoSession:
 
 def _kind_of(error: Exception, otherwise: type[EndoError]) -> type[EndoError]:
     """Return what a failure of the runtime is here."""
-    return OutOfMemory if _core.is_out_of_resources(str(error)) else otherwise
+    short = isinstance(error, MemoryError) or _core.is_out_of_resources(str(error))
+    return OutOfMemory if short else otherwise
 
 
 def padded(size: int, multiple: int) -> int:
