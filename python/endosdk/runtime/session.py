@@ -63,12 +63,19 @@ def load_runtime(sha256: str | None = None) -> Any:
 class BoundRun:
     """A model tied to the memory that it reads and writes."""
 
-    def __init__(self, session: StereoSession, binding: Any, options: Any) -> None:
-        self._session, self.binding, self._options = session, binding, options
+    def __init__(self, session: StereoSession, binding: Any, inputs: Mapping[str, Picture], options: Any) -> None:
+        self._session, self.binding, self._inputs, self._options = session, binding, inputs, options
+        self.bind_inputs()
+
+    def bind_inputs(self) -> None:
+        """Tie the inputs anew: a provider with memory of its own copies them there now, and not when it runs."""
+        for name, array in self._inputs.items():
+            self.binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
+        self.binding.synchronize_inputs()
 
     def run(self) -> None:
         """Compute disparity and confidence from left and right; the GIL is released meanwhile."""
-        self._session.run_bound(self.binding, self._options)
+        self._session.run_bound(self, self._options)
 
     def stop(self) -> None:
         """Make this run, and later ones, fail soon; from any thread."""
@@ -204,11 +211,9 @@ class StereoSession:
         if (sized := self.for_size(*left.shape[1:])) is not None:
             return sized.bind(left, right, disparity, confidence)
         binding = self._session.io_binding()
-        for name, array in (("left", left), ("right", right)):
-            binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
         for name, output in (("disparity", disparity), ("confidence", confidence)):
             binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
-        return BoundRun(self, binding, self._runtime.RunOptions())
+        return BoundRun(self, binding, {"left": left, "right": right}, self._runtime.RunOptions())
 
     def buffers(self, height: int, width: int) -> Buffers:
         """Allocate and bind memory for inputs of this size, px; both must be multiples of ``input_multiple``."""
@@ -238,10 +243,12 @@ class StereoSession:
         """Compute ``disparity`` and ``confidence`` from ``left`` and ``right``."""
         buffers.bound.run()
 
-    def run_bound(self, binding: Any, options: Any) -> None:
+    def run_bound(self, bound: BoundRun, options: Any) -> None:
         """Run on memory that was bound before."""
         try:
-            self._session.run_with_iobinding(binding, options)
+            if self.provider != _core.cpu_provider:
+                bound.bind_inputs()
+            self._session.run_with_iobinding(bound.binding, options)
         except Exception as error:  # as above: no common base class to catch
             rule = f"{self.info.name} must run on {self.provider}"
             raise _kind_of(error, InferenceFailed)("session", rule, error) from error
