@@ -276,6 +276,15 @@ def arm_instructions_table() -> str:
     return _table(["kernel", "plain", "NEON", "times fewer"], rows)
 
 
+def release_files_table() -> str:
+    """The files of a release for Linux on x86-64: size, and the newest glibc that a library inside needs."""
+    rows = [
+        [file["kind"], f"`{name}`", f"{file['bytes'] / 1e6:.1f} MB", ", ".join(sorted(set(file["glibc"].values())))]
+        for name, file in _record("speed/release_files")["files"].items()
+    ]
+    return _table(["file", "name", "size", "needs glibc"], rows)
+
+
 def reasons_table() -> str:
     """The reasons of a pixel, as the core has them."""
     return _table(
@@ -483,6 +492,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "fault-naming": fault_naming_table,
     "min-confidence": min_confidence_table,
     "reasons": reasons_table,
+    "release-files": release_files_table,
     "fuzzed": fuzzed_table,
     "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,
