@@ -43,8 +43,11 @@ class OrtStereoSession::BoundRun : public Session::Run {
   BoundRun(const OrtStereoSession& session, SessionBuffers& buffers);
 
   void operator()() override {
-    if (session_.facts_.provider != cpu_provider) bind_inputs();
-    check_run(runtime_.api().RunWithBinding(session_.session_.get(), options_.get(), binding_.get()));
+    if (!session_.copies_inputs()) return run();
+    // The runtime guards its own runs, but not the copies of one frame against the run of another.
+    const std::lock_guard lock(session_.running_);
+    bind_inputs();
+    run();
   }
 
   void stop() override { check(runtime_.api().RunOptionsSetTerminate(options_.get()), "must stop"); }
@@ -56,6 +59,8 @@ class OrtStereoSession::BoundRun : public Session::Run {
     runtime_.check(status, ENDO_INFERENCE_FAILED, "session",
                    Text(session_.info_.name.c_str(), " must run on ", session_.facts_.provider.c_str()));
   }
+
+  void run() const { check_run(runtime_.api().RunWithBinding(session_.session_.get(), options_.get(), binding_.get())); }
 
   // A provider with memory of its own copies the inputs there when they are bound, and not when it runs.
   void bind_inputs();
@@ -100,7 +105,7 @@ OrtStereoSession::BoundRun::BoundRun(const OrtStereoSession& session, SessionBuf
   };
   left_ = wrap_picture(buffers.left());
   right_ = wrap_picture(buffers.right());
-  bind_inputs();
+  if (!session_.copies_inputs()) bind_inputs();
   bind_map("disparity", buffers.disparity());
   bind_map("confidence", buffers.confidence());
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -37,7 +38,9 @@ class OrtStereoSession : public Session {
 
   OrtStereoSession(const OrtStereoSession& reader, Size input);
 
-  bool is_reader() const { return facts_.provider != cpu_provider && !sides_; }
+  // Whether the provider may have memory of its own, to which each frame is copied.
+  bool copies_inputs() const { return facts_.provider != cpu_provider; }
+  bool is_reader() const { return copies_inputs() && !sides_; }
   void open();
   void read_metadata();
   void check_provider(OrtStatus* status) const;
@@ -54,6 +57,7 @@ class OrtStereoSession : public Session {
   ModelInfo info_;
   OrtHandle<OrtEnv> environment_;
   OrtHandle<OrtSession> session_;
+  mutable std::mutex running_;  // of a provider that copies inputs
 };
 
 }  // namespace endosdk

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib.metadata
+import threading
 import warnings
 from collections import Counter, defaultdict
 from collections.abc import Mapping
@@ -65,7 +66,8 @@ class BoundRun:
 
     def __init__(self, session: StereoSession, binding: Any, inputs: Mapping[str, Picture], options: Any) -> None:
         self._session, self.binding, self._inputs, self._options = session, binding, inputs, options
-        self.bind_inputs()
+        if not session.copies_inputs:
+            self.bind_inputs()
 
     def bind_inputs(self) -> None:
         """Tie the inputs anew: a provider with memory of its own copies them there now, and not when it runs."""
@@ -129,7 +131,8 @@ class StereoSession:
         self.provider = installed_provider(provider, self._runtime)
         _core.check_weights_are_inside(model.data, model.origin)
         options = _session_options(self._runtime, self._threads, spinning)
-        self._is_reader = self.provider != _core.cpu_provider
+        self._is_reader = self.copies_inputs
+        self._running = threading.Lock()
         if self._is_reader:
             options.intra_op_num_threads = 1
             options.graph_optimization_level = self._runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
@@ -148,6 +151,7 @@ class StereoSession:
             return None
         sized = copy.copy(self)
         sized._is_reader = False
+        sized._running = threading.Lock()
         sized._session = self._compiled(height, width)
         return sized
 
@@ -195,6 +199,11 @@ class StereoSession:
     def metadata(self) -> dict[str, str]:
         """What the model file says of itself."""
         return dict(self._session.get_modelmeta().custom_metadata_map)
+
+    @property
+    def copies_inputs(self) -> bool:
+        """Whether the provider may have memory of its own, to which each frame is copied."""
+        return self.provider != _core.cpu_provider
 
     @property
     def sha256(self) -> str:
@@ -246,9 +255,13 @@ class StereoSession:
     def run_bound(self, bound: BoundRun, options: Any) -> None:
         """Run on memory that was bound before."""
         try:
-            if self.provider != _core.cpu_provider:
+            if not self.copies_inputs:
+                self._session.run_with_iobinding(bound.binding, options)
+                return
+            # The runtime guards its own runs, but not the copies of one frame against the run of another.
+            with self._running:
                 bound.bind_inputs()
-            self._session.run_with_iobinding(bound.binding, options)
+                self._session.run_with_iobinding(bound.binding, options)
         except Exception as error:  # as above: no common base class to catch
             rule = f"{self.info.name} must run on {self.provider}"
             raise _kind_of(error, InferenceFailed)("session", rule, error) from error
