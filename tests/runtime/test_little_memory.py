@@ -53,7 +53,8 @@ for name, step in steps.items():
         break
     if name in ("open", wanted == "predict" and "prepare"):
         step()
-for kilobytes in (0, 256, *(1024 * megabytes for megabytes in (*range(1, 24), *range(24, 1024, 16)))):
+# First less than is in use: a thread that ends meanwhile gives back its stack.
+for kilobytes in (-256 * 1024, 0, 256, *(1024 * megabytes for megabytes in (*range(1, 24), *range(24, 1024, 16)))):
     said = tried(steps[wanted], kilobytes << 10)
     print(said)
     if said == "done":
