@@ -71,7 +71,7 @@ $(VENV)/.develop: $(VENV)/.python pyproject.toml constraints.txt CMakeLists.txt 
 
 $(VENV)/.python:
 	@if [ -z "$(PYTHON)" ]; then \
-	    echo "no Python from 3.11 to 3.14: install one (Debian: apt-get install python3 python3-venv), or name it:" \
+	    echo "no Python from 3.11 to 3.14: install one (Debian: apt-get install python3 python3-dev python3-venv), or name it:" \
 	        "make PYTHON=/path/to/python3"; exit 1; fi
 	$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip

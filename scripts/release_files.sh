@@ -62,9 +62,6 @@ END
 # The kernels of this compiler, against their NumPy twins. Those of resizing are compared with torch, which is no part of this.
 "$clean/python/bin/pip" install --quiet --disable-pip-version-check pytest
 "$clean/python/bin/python" -m pytest -q -p no:cacheprovider --ignore=tests/core/test_resize.py tests/core tests/jobs/test_machine.py
-for file in "$out/library/cpp/libendosdk.so" "$clean"/python/lib/python3*/site-packages/endosdk/_core*.so; do
-  newest=$(objdump -T "$file" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -1)
-  echo "$(basename "$file") needs ${newest/_/ }"
-  [ "$(printf '%s\n' "${newest#GLIBC_}" $glibc | sort -V | tail -1)" = $glibc ]
-done
-ls -l "$wheel" "$out"/packages/*.deb "$out"/packages/*.tar.gz | awk '{printf "%6.1f MB  %s\n", $5 / 1e6, $9}'
+# Sizes, and the glibc that each library needs: docs/device/systems.md shows them.
+"$clean/python/bin/python" -m benchmarks.speed.release_files "$wheel" "$out"/packages/*.deb "$out"/packages/*.tar.gz \
+  --floor $glibc --json benchmarks/results/speed/release_files.json

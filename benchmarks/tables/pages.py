@@ -23,6 +23,7 @@ from benchmarks.tables.speed import (
     SPEEDS,
     arm_instructions_table,
     card_speed_table,
+    release_files_table,
     short_speed_table,
     speed_table,
 )
@@ -73,6 +74,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "fault-naming": fault_naming_table,
     "min-confidence": min_confidence_table,
     "reasons": reasons_table,
+    "release-files": release_files_table,
     "fuzzed": fuzzed_table,
     "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,

@@ -1,4 +1,4 @@
-"""Frame rates and latency of the models, and the instructions of the kernels."""
+"""Frame rates and latency of the models, the instructions of the kernels, and the sizes of the files of a release."""
 
 from __future__ import annotations
 
@@ -68,3 +68,12 @@ def arm_instructions_table() -> str:
         for name, counts in records.read("speed/arm_instructions")["instructions"].items()
     ]
     return table(["kernel", "plain", "NEON", "times fewer"], rows)
+
+
+def release_files_table() -> str:
+    """The files of a release for Linux on x86-64: size, and the newest glibc that a library inside needs."""
+    rows = [
+        [file["kind"], f"`{name}`", f"{file['bytes'] / 1e6:.1f} MB", ", ".join(sorted(set(file["glibc"].values())))]
+        for name, file in records.read("speed/release_files")["files"].items()
+    ]
+    return table(["file", "name", "size", "needs glibc"], rows)

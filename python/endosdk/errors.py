@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 
 
@@ -234,6 +236,17 @@ class OutOfMemory(EndoError, MemoryError):
     """Memory, or the number of threads this process may have, is used up."""
 
     code = ErrorCode.OUT_OF_MEMORY
+
+
+@contextmanager
+def typed_memory_errors() -> Iterator[None]:
+    """Give a MemoryError of Python or NumPy its code; also a decorator of functions, but not of generators."""
+    try:
+        yield
+    except EndoError:
+        raise
+    except MemoryError as error:
+        raise OutOfMemory("", "out of memory", "") from error
 
 
 class SelfTestFailed(EndoError, RuntimeError):

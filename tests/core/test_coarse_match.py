@@ -64,3 +64,14 @@ def test_faults_of_a_pair_are_named() -> None:
     assert turned_far.causes[Cause.RIG_MOVED] == pytest.approx(2.5, abs=0.4)
     assert other.status == Status.INVALID
     assert not {Cause.NOT_RECTIFIED, Cause.RIG_MOVED, Cause.SWAPPED} & set(other.causes)
+
+
+def test_rows_that_are_off_are_named_where_most_pixels_find_a_match() -> None:
+    """`accurate` calls half of these pixels valid, and no rotation fits what it finds."""
+    left, right = cycles_pair(44)
+    with DepthEstimator("accurate", calibration=RIG) as estimator:
+        lower = estimator.predict(left, np.roll(right, 12, axis=0))
+    assert lower.measures[Cause.FEW_VALID] >= 0.5
+    assert lower.status != Status.OK
+    assert lower.causes[Cause.NOT_RECTIFIED] == pytest.approx(12, abs=1)
+    assert Cause.RIG_MOVED in lower.causes

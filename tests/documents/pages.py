@@ -56,6 +56,6 @@ def commands(page: Path) -> list[list[str]]:
             words = shlex.split(line, comments=True)
             if "endosdk-bench" in words:
                 found.append(["bench", *words[words.index("endosdk-bench") + 1 :]])
-            elif "endosdk" in words:
+            elif "endosdk" in words and words[0] != "cmake":  # which has a target of that name
                 found.append(words[words.index("endosdk") + 1 :])
     return found

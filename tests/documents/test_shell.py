@@ -28,19 +28,24 @@ TRAINS = "trains for minutes to hours; tests/training/test_page_commands.py take
 CAMERA = "needs a camera"
 NO_DATA = "needs a public set, which is not part of the repository; tests/datasets read its layout"
 DEVICE_PAGE = "builds the library; tests/c_library/test_embed_page.py follows the page"
+BARE_ROOT = "installs a file of a release; scripts/test_bare_root.py follows the page"
 # By how a command begins.
 NOT_RUN = {
     "make ": INSTALLS,
     "pip install ": INSTALLS,
-    "apt-get install ": "needs the rights of an administrator",
+    "apt-get ": "needs the rights of an administrator; scripts/test_bare_root.py follows the pages",
+    ". .venv/bin/activate": "needs what make demo installed; tests/documents/test_quick_start.py follows the page",
     "pre-commit install": "changes the hooks of the repository",
     "sudo chrt ": "needs the rights of an administrator",
+    "mkdir /opt/endosdk": BARE_ROOT,
+    "tar -xf endosdk-": BARE_ROOT,
     "cmake --": DEVICE_PAGE,
     "pip download ": DEVICE_PAGE,
     "unzip ": DEVICE_PAGE,
     "export PKG_CONFIG_PATH=": DEVICE_PAGE,
+    "prefix=$(realpath ": DEVICE_PAGE,
     "cc device.c ": DEVICE_PAGE,
-    "model=/opt/endosdk": DEVICE_PAGE,
+    "model=$prefix/": DEVICE_PAGE,
     "./device ": DEVICE_PAGE,
     "python3 ros1/": "needs ROS 1; tests/live/test_ros_node.py runs the node where ROS is",
     "colcon build ": "needs ROS 2",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import onnx
 import pytest
 
 from endosdk import DepthEstimator, _core
@@ -12,6 +13,7 @@ from endosdk.commands.cli import main
 from endosdk.errors import ProviderUnavailable
 from endosdk.runtime.models import read_model, shipped_models
 from endosdk.runtime.session import StereoSession, provider_name
+from endosdk.training.model_file import write_model
 from tests.c_library import binding as c
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
@@ -65,6 +67,47 @@ def test_answers_are_those_of_the_processor_at_every_size(accelerator):
 @pytest.mark.parametrize("model", MODELS[1:], ids=lambda model: model.rpartition("/")[2])
 def test_answers_of_every_shipped_model_are_those_of_the_processor(accelerator, model):
     check_answers(accelerator, read_model(model), SIZES[1:])
+
+
+@pytest.fixture(scope="module")
+def reading_there(tmp_path_factory):
+    """A model whose pictures are read by the provider, in memory of its own where it has some, as cards do.
+
+    WebGPU has no conversion of 8-bit integers, and lets the processor read them; it has one with a scale.
+    """
+    model = onnx.load(TINY_MODEL)
+    model.graph.initializer.append(onnx.helper.make_tensor("one", onnx.TensorProto.FLOAT, [], [1.0]))
+    readers = [node for node in model.graph.node if set(node.input) & {"left", "right"}]
+    assert [node.op_type for node in readers] == ["Cast", "Cast"]
+    for node in readers:
+        node.op_type = "DequantizeLinear"
+        node.input.append("one")
+        del node.attribute[:]
+    path = tmp_path_factory.mktemp("model") / "reading-there.onnx"
+    write_model(model, path)
+    return path
+
+
+def test_a_frame_is_never_answered_as_one_before(accelerator, reading_there, library):
+    """Providers with memory of their own copy inputs when they are bound, and see no later change."""
+    pairs = [shifted_pair(64, 128, disparity, seed=disparity) for disparity in (9, 5, 7)]
+    c_options = c.texts(*(f"{key}={value}" for key, value in accelerator.options.items()))
+    sizes = {"network_width": 128, "network_height": 64}
+    in_c = c.CEstimator(library, reading_there, provider=accelerator.name.encode(), provider_options=c_options, **sizes)
+    options = {"provider": accelerator.name, "provider_options": accelerator.options, "network_size": (128, 64)}
+    with DepthEstimator(reading_there, **options) as there, DepthEstimator(TINY_MODEL, network_size=(128, 64)) as here:
+        there.self_test()
+        streamed = [result.disparity.copy() for result in there.stream(pairs)]
+        for number, pair in enumerate(pairs):
+            expected = here.predict(*pair).disparity
+            answers = [
+                there.predict(*pair).disparity,
+                streamed[number],
+                in_c.predict(*pair, maps=("disparity",))[1]["disparity"],
+            ]
+            for found in answers:
+                np.testing.assert_allclose(found, expected, rtol=0, atol=5 * accelerator.tolerance_px)
+    in_c.close()
 
 
 def test_frames_through_the_estimator(accelerator):

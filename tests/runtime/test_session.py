@@ -189,6 +189,14 @@ def test_provider_options_as_text():
         _core.check_provider_options("cuda", [("device_id", "0"), ("device_id", "1")])
 
 
+@pytest.mark.parametrize("key", ["enable_cuda_graph", "trt_cuda_graph_enable", "enableGraphCapture"])
+def test_recorded_graphs_are_refused(key):
+    """They would answer every frame as the one that was recorded."""
+    _core.check_provider_options("cuda", [(key, "0")])
+    with pytest.raises(errors.InvalidArgument, match=f"must not record graphs.*'{key}=1'"):
+        _core.check_provider_options("cuda", [(key, "1")])
+
+
 def test_missing_runtime_names_the_extra():
     code = (
         "import sys; sys.modules['onnxruntime'] = None\n"

@@ -104,13 +104,15 @@ void Slot::judge(const MapsOut& maps, FrameReport& report) {
   report.causes.set(Cause::blurred, scratch_.measures.blur());
   report.causes.set(Cause::dim, scratch_.measures.level());
   judge_rig(report);
+  if (report.causes.raised(Cause::same_view_twice)) return;
   const bool failed = report.causes.raised(Cause::views_differ) || report.causes.raised(Cause::few_valid);
-  if (failed && !report.causes.raised(Cause::same_view_twice)) explain_failure(report);
+  // A network with a fine grid finds something on rows that are far off, too; what it finds tells of no rotation.
+  if (failed || !report.pose.measured) explain_failure(failed, report);
 }
 
-void Slot::explain_failure(FrameReport& report) {
+void Slot::explain_failure(bool failed, FrameReport& report) {
   coarse_match_.measure(scratch_.views);
-  report.causes.set(Cause::swapped, coarse_match_.exchanged_gain());
+  if (failed) report.causes.set(Cause::swapped, coarse_match_.exchanged_gain());
   const bool swapped = report.causes.raised(Cause::swapped);
   const double row = 2.0 * scratch_.views.unit() * stage_->frame().height / stage_->picture().height;
   const double rows_off = std::abs(row * coarse_match_.rows_off());

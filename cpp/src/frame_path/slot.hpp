@@ -60,7 +60,7 @@ class Slot {
   // Sets what the pictures and the maps of the latest frame tell of its causes.
   void judge(const MapsOut& maps, FrameReport& report);
   void judge_rig(FrameReport& report) const;
-  void explain_failure(FrameReport& report);
+  void explain_failure(bool failed, FrameReport& report);
 
   std::shared_ptr<const RectifyStage> stage_;
   std::shared_ptr<Session> session_;

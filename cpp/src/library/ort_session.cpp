@@ -41,8 +41,11 @@ class OrtStereoSession::BoundRun : public Session::Run {
   BoundRun(const OrtStereoSession& session, SessionBuffers& buffers);
 
   void operator()() override {
-    runtime_.check(runtime_.api().RunWithBinding(session_.session_.get(), options_.get(), binding_.get()),
-                   ENDO_INFERENCE_FAILED, "session", Text(session_.info_.name.c_str(), " must run on ", session_.facts_.provider.c_str()));
+    if (!session_.copies_inputs()) return run();
+    // The runtime guards its own runs, but not the copies of one frame against the run of another.
+    const std::lock_guard lock(session_.running_);
+    bind_inputs();
+    run();
   }
 
   void stop() override { check(runtime_.api().RunOptionsSetTerminate(options_.get()), "must stop"); }
@@ -50,12 +53,23 @@ class OrtStereoSession::BoundRun : public Session::Run {
 
  private:
   void check(OrtStatus* status, const char* rule) const { runtime_.check(status, ENDO_INTERNAL, "session", rule); }
+  void check_run(OrtStatus* status) const {
+    runtime_.check(status, ENDO_INFERENCE_FAILED, "session",
+                   Text(session_.info_.name.c_str(), " must run on ", session_.facts_.provider.c_str()));
+  }
+
+  void run() const { check_run(runtime_.api().RunWithBinding(session_.session_.get(), options_.get(), binding_.get())); }
+
+  // A provider with memory of its own copies the inputs there when they are bound, and not when it runs.
+  void bind_inputs();
   OrtValue* wrap(const OrtMemoryInfo* memory, void* data, size_t bytes, const std::array<int64_t, 4>& shape,
                  ONNXTensorElementDataType type);
 
   const OrtStereoSession& session_;
   const Runtime& runtime_;
   std::vector<OrtHandle<OrtValue>> values_;
+  OrtValue* left_ = nullptr;
+  OrtValue* right_ = nullptr;
   OrtHandle<OrtIoBinding> binding_;
   OrtHandle<OrtRunOptions> options_;
 };
@@ -78,20 +92,27 @@ OrtStereoSession::BoundRun::BoundRun(const OrtStereoSession& session, SessionBuf
   check(api.CreateCpuMemoryInfo(OrtDeviceAllocator, OrtMemTypeDefault, &info), rule);
   const OrtHandle<OrtMemoryInfo> memory(info, api.ReleaseMemoryInfo);
   values_.reserve(4);
-  const auto bind_picture = [&](const char* name, const PlanarView& view) {
+  const auto wrap_picture = [&](const PlanarView& view) {
     const size_t bytes = size_t{3} * static_cast<size_t>(view.width) * static_cast<size_t>(view.height);
-    OrtValue* value = wrap(info, view.data, bytes, {1, 3, view.height, view.width}, ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT8);
-    check(api.BindInput(binding, name, value), rule);
+    return wrap(info, view.data, bytes, {1, 3, view.height, view.width}, ONNX_TENSOR_ELEMENT_DATA_TYPE_UINT8);
   };
   const auto bind_map = [&](const char* name, const MutableFloatView& map) {
     const size_t bytes = sizeof(float) * static_cast<size_t>(map.width) * static_cast<size_t>(map.height);
     OrtValue* value = wrap(info, map.data, bytes, {1, 1, map.height, map.width}, ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT);
     check(api.BindOutput(binding, name, value), rule);
   };
-  bind_picture("left", buffers.left());
-  bind_picture("right", buffers.right());
+  left_ = wrap_picture(buffers.left());
+  right_ = wrap_picture(buffers.right());
+  if (!session_.copies_inputs()) bind_inputs();
   bind_map("disparity", buffers.disparity());
   bind_map("confidence", buffers.confidence());
+}
+
+void OrtStereoSession::BoundRun::bind_inputs() {
+  const OrtApi& api = runtime_.api();
+  check_run(api.BindInput(binding_.get(), "left", left_));
+  check_run(api.BindInput(binding_.get(), "right", right_));
+  check_run(api.SynchronizeBoundInputs(binding_.get()));
 }
 
 OrtValue* OrtStereoSession::BoundRun::wrap(const OrtMemoryInfo* memory, void* data, size_t bytes,

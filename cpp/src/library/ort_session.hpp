@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -39,7 +40,9 @@ class OrtStereoSession : public Session {
 
   OrtStereoSession(const OrtStereoSession& reader, Size input);
 
-  bool is_reader() const { return facts_.provider != cpu_provider && !sides_; }
+  // Whether the provider may have memory of its own, to which each frame is copied.
+  bool copies_inputs() const { return facts_.provider != cpu_provider; }
+  bool is_reader() const { return copies_inputs() && !sides_; }
   void open();
   void read_metadata();
   void check_provider(OrtStatus* status) const;
@@ -57,6 +60,7 @@ class OrtStereoSession : public Session {
   OrtHandle<OrtEnv> environment_;
   std::unique_ptr<SessionThreads> threads_;
   OrtHandle<OrtSession> session_;
+  mutable std::mutex running_;  // of a provider that copies inputs
 };
 
 }  // namespace endosdk

@@ -1,6 +1,9 @@
 #include "model/provider_options.hpp"
 
+#include <algorithm>
+#include <array>
 #include <set>
+#include <string_view>
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
@@ -9,6 +12,14 @@ namespace endosdk {
 namespace {
 
 constexpr const char* argument = "provider_options";
+
+// They record the work of one frame and repeat it with the memory of then; here each frame has other memory of the provider.
+constexpr std::array<std::string_view, 3> recording = {"enable_cuda_graph", "trt_cuda_graph_enable", "enableGraphCapture"};
+
+bool is_recording(const std::string& key, const std::string& value) {
+  const bool off = value == "0" || value == "false" || value == "False";
+  return !off && std::find(recording.begin(), recording.end(), key) != recording.end();
+}
 
 std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
@@ -29,6 +40,8 @@ void check_provider_options(const std::string& provider, const ProviderOptions& 
   for (const auto& [key, value] : options) {
     require(!key.empty(), argument, "must have a key before the '='", in_quotes("=" + value));
     require(seen.insert(key).second, argument, "must give a key once", in_quotes(key));
+    require(!is_recording(key, value), argument, "must not record graphs, which would answer every frame as the recorded one",
+            in_quotes(key + "=" + value));
   }
   require(options.empty() || full_provider_name(provider) != cpu_provider, argument,
           "must be empty for the processor, which takes none", options.empty() ? "" : in_quotes(options.front().first));

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from endosdk import _core
 from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
-from endosdk.errors import CalibrationRequired, InvalidArgument
+from endosdk.errors import CalibrationRequired, InvalidArgument, typed_memory_errors
 from endosdk.runtime.arguments import (
     Picture,
     check_number,
@@ -74,6 +74,7 @@ class DepthEstimator:
     The log ``endosdk.frames`` says which frames were late or show two different scenes.
     """
 
+    @typed_memory_errors()
     def __init__(
         self,
         model: str | Path | bytes,
@@ -166,10 +167,12 @@ class DepthEstimator:
         """
         return _number_or_none(self._path.nearest_depth_mm())
 
+    @typed_memory_errors()
     def prepare(self, width: int, height: int) -> None:
         """Reserve what frames of this size need and run once, so that the first real frame is as fast as the others."""
         self._path.prepare(width, height)
 
+    @typed_memory_errors()
     def predict(
         self, left: Any, right: Any, *, out: DepthResult | None = None, stamp_ns: int | None = None
     ) -> DepthResult:
@@ -258,6 +261,7 @@ class DepthEstimator:
         for report, maps, frame in Feeder(pairs, opened, maps_for).answers():
             yield self._result(report, maps, frame)
 
+    @typed_memory_errors()
     def rectify(self, left: Any, right: Any) -> tuple[Picture, Picture]:
         """Return a pair's rectified pictures at the size of the frame: RGB uint8 [H, W, 3] each.
 
@@ -266,6 +270,7 @@ class DepthEstimator:
         """
         return self._path.rectify(*check_pair(left, right))
 
+    @typed_memory_errors()
     def rectified_pair(self) -> tuple[Picture, Picture]:
         """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each.
 
@@ -278,10 +283,12 @@ class DepthEstimator:
         """Make the calls that are running, and the frames in flight, raise `Cancelled` soon; from any thread."""
         self._path.cancel()
 
+    @typed_memory_errors()
     def self_test(self) -> None:
         """Send a built-in pair of known depth the whole way, twice; raises `SelfTestFailed` where one is wrong."""
         self._path.self_test()
 
+    @typed_memory_errors()
     def diagnostics(self) -> dict[str, Any]:
         """Versions, model, provider, settings, frame counts and latencies, for logs and support; waits for no frame."""
         report: dict[str, Any] = json.loads(self._path.diagnostics())
@@ -307,6 +314,7 @@ class DepthEstimator:
             raise InvalidArgument("out", "must have maps that can be written", "read-only maps")
         return maps
 
+    @typed_memory_errors()
     def _result(self, report: _core.FrameReport, maps: Maps, source_frame: Any = None) -> DepthResult:
         return DepthResult(
             maps=maps,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib.metadata
+import threading
 import warnings
 from collections import Counter, defaultdict
 from collections.abc import Mapping
@@ -47,6 +48,8 @@ def load_runtime(sha256: str | None = None) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
+        if runtime_file.lacks_memory(error):
+            raise OutOfMemory("onnxruntime", "its library must fit into memory", error) from error
         raise RuntimeMissing("onnxruntime", must_install("cpu"), str(error)) from error
     if telemetry.started_by_host():
         warnings.warn(
@@ -61,12 +64,20 @@ def load_runtime(sha256: str | None = None) -> Any:
 class BoundRun:
     """A model tied to the memory that it reads and writes."""
 
-    def __init__(self, session: StereoSession, binding: Any, options: Any) -> None:
-        self._session, self.binding, self._options = session, binding, options
+    def __init__(self, session: StereoSession, binding: Any, inputs: Mapping[str, Picture], options: Any) -> None:
+        self._session, self.binding, self._inputs, self._options = session, binding, inputs, options
+        if not session.copies_inputs:
+            self.bind_inputs()
+
+    def bind_inputs(self) -> None:
+        """Tie the inputs anew: a provider with memory of its own copies them there now, and not when it runs."""
+        for name, array in self._inputs.items():
+            self.binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
+        self.binding.synchronize_inputs()
 
     def run(self) -> None:
         """Compute disparity and confidence from left and right; the GIL is released meanwhile."""
-        self._session.run_bound(self.binding, self._options)
+        self._session.run_bound(self, self._options)
 
     def stop(self) -> None:
         """Make this run, and later ones, fail soon; from any thread."""
@@ -120,7 +131,8 @@ class StereoSession:
         self.provider = installed_provider(provider, self._runtime)
         _core.check_weights_are_inside(model.data, model.origin)
         options = _session_options(self._runtime, self._threads, spinning)
-        self._is_reader = self.provider != _core.cpu_provider
+        self._is_reader = self.copies_inputs
+        self._running = threading.Lock()
         if self._is_reader:
             options.intra_op_num_threads = 1
             options.graph_optimization_level = self._runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
@@ -139,6 +151,7 @@ class StereoSession:
             return None
         sized = copy.copy(self)
         sized._is_reader = False
+        sized._running = threading.Lock()
         sized._session = self._compiled(height, width)
         return sized
 
@@ -188,6 +201,11 @@ class StereoSession:
         return dict(self._session.get_modelmeta().custom_metadata_map)
 
     @property
+    def copies_inputs(self) -> bool:
+        """Whether the provider may have memory of its own, to which each frame is copied."""
+        return self.provider != _core.cpu_provider
+
+    @property
     def sha256(self) -> str:
         """Hash of the model's bytes."""
         return self._model.sha256
@@ -202,11 +220,9 @@ class StereoSession:
         if (sized := self.for_size(*left.shape[1:])) is not None:
             return sized.bind(left, right, disparity, confidence)
         binding = self._session.io_binding()
-        for name, array in (("left", left), ("right", right)):
-            binding.bind_input(name, "cpu", 0, np.uint8, (1, *array.shape), array.ctypes.data)
         for name, output in (("disparity", disparity), ("confidence", confidence)):
             binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
-        return BoundRun(self, binding, self._runtime.RunOptions())
+        return BoundRun(self, binding, {"left": left, "right": right}, self._runtime.RunOptions())
 
     def buffers(self, height: int, width: int) -> Buffers:
         """Allocate and bind memory for inputs of this size, px; both must be multiples of ``input_multiple``."""
@@ -236,10 +252,16 @@ class StereoSession:
         """Compute ``disparity`` and ``confidence`` from ``left`` and ``right``."""
         buffers.bound.run()
 
-    def run_bound(self, binding: Any, options: Any) -> None:
+    def run_bound(self, bound: BoundRun, options: Any) -> None:
         """Run on memory that was bound before."""
         try:
-            self._session.run_with_iobinding(binding, options)
+            if not self.copies_inputs:
+                self._session.run_with_iobinding(bound.binding, options)
+                return
+            # The runtime guards its own runs, but not the copies of one frame against the run of another.
+            with self._running:
+                bound.bind_inputs()
+                self._session.run_with_iobinding(bound.binding, options)
         except Exception as error:  # as above: no common base class to catch
             rule = f"{self.info.name} must run on {self.provider}"
             raise _kind_of(error, InferenceFailed)("session", rule, error) from error
@@ -247,7 +269,8 @@ class StereoSession:
 
 def _kind_of(error: Exception, otherwise: type[EndoError]) -> type[EndoError]:
     """Return what a failure of the runtime is here."""
-    return OutOfMemory if _core.is_out_of_resources(str(error)) else otherwise
+    short = isinstance(error, MemoryError) or _core.is_out_of_resources(str(error))
+    return OutOfMemory if short else otherwise
 
 
 def padded(size: int, multiple: int) -> int:

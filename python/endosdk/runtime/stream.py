@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Protocol, runtime_checkable
 
 from endosdk import _core
-from endosdk.errors import InvalidArgument
+from endosdk.errors import InvalidArgument, typed_memory_errors
 from endosdk.runtime.arguments import Picture, check_pair, check_stamp
 from endosdk.runtime.maps import Maps
 from endosdk.runtime.threads import start_thread
@@ -124,6 +124,7 @@ class Feeder:
             raise InvalidArgument("source", rule, type(item).__name__)
         return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None), None
 
+    @typed_memory_errors()
     def _submit(self, number: int, drawn: Drawn) -> None:
         left, right, stamp_ns, frame = drawn
         height, width = left.shape[:2]

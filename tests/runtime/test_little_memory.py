@@ -1,0 +1,79 @@
+"""A system that gives no further memory: one error with its code, wherever it is missed, never an abort or a wait."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from endosdk.errors import ErrorCode
+from tests.conftest import ROOT, TINY_MODEL
+
+# Each step is tried with more and more memory until it is done, in one process: what failed must not be spoilt.
+PROGRAM = f"""
+import resource, sys
+from pathlib import Path
+from endosdk import DepthEstimator
+from endosdk.errors import EndoError
+from tests.conftest import shifted_pair
+
+SIZE = 1920, 1440
+model = Path({str(TINY_MODEL)!r}).read_bytes()
+pair = shifted_pair(*reversed(SIZE), 8)
+_, hard = resource.getrlimit(resource.RLIMIT_AS)
+estimators = []
+
+def opened():
+    estimators.append(DepthEstimator(model, threads=2))
+
+def in_use():
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+def tried(step, extra):
+    resource.setrlimit(resource.RLIMIT_AS, (in_use() + extra, hard))
+    try:
+        step()
+        return "done"
+    except EndoError as error:
+        assert isinstance(error, MemoryError), error
+        return " ".join(f"{{error.code.value}} {{error}}".split())  # on one line
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+
+steps = dict(
+    open=opened,
+    prepare=lambda: estimators[0].prepare(*SIZE),
+    predict=lambda: estimators[0].predict(*pair),
+    rectify=lambda: estimators[0].rectify(*pair),
+    stream=lambda: list(estimators[0].stream([pair] * 3)),
+)
+wanted = sys.argv[1]
+for name, step in steps.items():
+    if name == wanted:
+        break
+    if name in ("open", wanted == "predict" and "prepare"):
+        step()
+# First less than is in use: a thread that ends meanwhile gives back its stack.
+for kilobytes in (-256 * 1024, 0, 256, *(1024 * megabytes for megabytes in (*range(1, 24), *range(24, 1024, 16)))):
+    said = tried(steps[wanted], kilobytes << 10)
+    print(said)
+    if said == "done":
+        break
+estimators[0].self_test()
+assert estimators[0].predict(*pair).status.name == "OK"
+print("usable")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is Linux's")
+@pytest.mark.parametrize("step", ["open", "prepare", "predict", "rectify", "stream"])
+def test_memory_that_runs_out_is_one_error_wherever_it_is_missed(step):
+    command = [sys.executable, "-W", "ignore", "-c", PROGRAM, step]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    *failed, last, usable = done.stdout.splitlines()
+    assert (last, usable) == ("done", "usable")
+    assert all(line.startswith(f"{ErrorCode.OUT_OF_MEMORY.value} ") for line in failed), failed
+    # What the allocator kept of earlier frames is sometimes enough for one more.
+    assert failed or step in ("predict", "rectify")
