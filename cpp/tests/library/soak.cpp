@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <deque>
+#include <limits>
 
 #include "support.hpp"
 #include "use.hpp"
@@ -14,7 +15,9 @@ namespace {
 constexpr int width = 128;
 constexpr int height = 64;
 constexpr int warm_up = 200;
-constexpr long most_growth_kib = 256;
+// A run has so many parts. What a thread first takes where it first meets another one falls into one of them; a leak into all.
+constexpr int parts = 3;
+constexpr long most_growth_kib = 64;  // of a part
 
 using Clock = std::chrono::steady_clock;
 
@@ -135,12 +138,18 @@ int main(int argc, char** argv) {
   };
   run(warm_up);
   const Use before = use_now();
-  run(frames);
-  const Use after = use_now();
+  Use after = before;
+  long least_growth_kib = std::numeric_limits<long>::max();
+  for (int part = 0; part < parts; ++part) {
+    const long resident_kib = after.resident_kib;
+    run(frames / parts);
+    after = use_now();
+    least_growth_kib = std::min(least_growth_kib, after.resident_kib - resident_kib);
+  }
   std::printf("{\"frames\": %ld, \"late\": %ld, \"deadline_ms\": %.3f, \"resident_kib\": [%ld, %ld], \"handles\": [%ld, %ld], "
               "\"threads\": [%ld, %ld]}\n", marks.frames, marks.late, marks.deadline_ms, before.resident_kib,
               after.resident_kib, before.handles, after.handles, before.threads, after.threads);
   CHECK(counted_late(estimator) == marks.late);
   CHECK(after.handles == before.handles && after.threads == before.threads);
-  CHECK(after.resident_kib - before.resident_kib < most_growth_kib);
+  CHECK(least_growth_kib < most_growth_kib);
 }
