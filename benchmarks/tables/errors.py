@@ -16,17 +16,14 @@ TEST_SETS = {  # record and label, for the tables of one model
 def accuracy_table(record: str = "accuracy/accuracy") -> str:
     """Errors of our models and StereoSGBM on the test pairs."""
     found = records.read(record)
-    scores = found["methods"]
     heads = ["method", "EPE, px", "over 1 px", "over 3 px", "coverage"]
     heads += ["EPE, non-occluded", "over 1 px, non-occluded", "depth error"]
     rows = []
-    for name in records.METHODS:
-        if name not in scores:
-            continue
-        whole, seen = scores[name]["all"], scores[name]["non_occluded"]
+    for label, scores in records.rows(found):
+        whole, seen = scores["all"], scores["non_occluded"]
         shares = [f"{100 * whole[key]:.1f} %" for key in ("kpe_1", "kpe_3", "coverage")]
         rest = [f"{seen['epe_px']:.3f}", f"{100 * seen['kpe_1']:.1f} %", f"{100 * whole['depth_relative']:.1f} %"]
-        rows.append([records.method(found, name), f"{whole['epe_px']:.3f}", *shares, *rest])
+        rows.append([label, f"{whole['epe_px']:.3f}", *shares, *rest])
     return table(heads, rows)
 
 
@@ -44,14 +41,11 @@ def short_accuracy_table() -> str:
 def edges_table(record: str) -> str:
     """Errors near depth edges and where only one camera sees, of our models and StereoSGBM."""
     found = records.read(record)
-    scores = found["methods"]
     rows = []
-    for name in records.METHODS:
-        if name not in scores:
-            continue
-        edges, hidden = scores[name]["edges"], scores[name]["occluded"]
-        shares = (edges["kpe_3"], edges["flying"], scores[name]["non_occluded"]["kpe_3"], hidden["kpe_3"])
-        rows.append([records.method(found, name), f"{edges['epe_px']:.2f}", *map(percent, shares)])
+    for label, scores in records.rows(found):
+        edges, hidden = scores["edges"], scores["occluded"]
+        shares = (edges["kpe_3"], edges["flying"], scores["non_occluded"]["kpe_3"], hidden["kpe_3"])
+        rows.append([label, f"{edges['epe_px']:.2f}", *map(percent, shares)])
     heads = ["method", "EPE near edges, px", "over 3 px near edges", "flying pixels", "over 3 px, non-occluded"]
     return table([*heads, "over 3 px, occluded"], rows)
 
@@ -59,14 +53,11 @@ def edges_table(record: str) -> str:
 def parts_table(record: str) -> str:
     """Share of wrong pixels among all, among those in a method's range, and among those that it calls valid."""
     found = records.read(record)
-    scores = found["methods"]
     rows = []
-    for name in records.METHODS:
-        if name not in scores:
-            continue
-        all_, seen, ranged, valid = (scores[name][part] for part in ("all", "non_occluded", "in_range", "valid"))
+    for label, scores in records.rows(found):
+        all_, seen, ranged, valid = (scores[part] for part in ("all", "non_occluded", "in_range", "valid"))
         shares = (all_["kpe_3"], seen["kpe_3"], ranged["share"], ranged["kpe_3"], valid["share"], valid["kpe_3"])
-        rows.append([records.method(found, name), *map(percent, shares)])
+        rows.append([label, *map(percent, shares)])
     heads = ["method", "over 3 px", "non-occluded", "in range", "of these over 3 px", "valid", "of these over 3 px"]
     return table(heads, rows)
 

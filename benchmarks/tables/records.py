@@ -38,6 +38,12 @@ def method(record: dict[str, Any], name: str) -> str:
     return marked(METHODS[name], record["models"].get(name))
 
 
+def rows(record: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """Return label and scores of each method that a record holds, in the order of `METHODS`."""
+    scores = record["methods"]
+    return [(method(record, name), scores[name]) for name in METHODS if name in scores]
+
+
 def marked(label: str, sha256: str | None) -> str:
     """Mark the label of numbers of a model file that no longer ships; methods without a file have no hash.
 

@@ -117,3 +117,9 @@ def test_every_accuracy_record_has_its_command():
         if module:
             assert names.strip("`") in command
             assert (records.SOURCES / f"{module[1].replace('.', '/')}.py").is_file()
+
+
+@pytest.mark.parametrize("record", ["accuracy/accuracy", "accuracy/accuracy_cycles"])
+def test_every_card_has_its_row_of_the_two_plain_sets(record):
+    """A run with fewer models would write a record without the others, and their rows would be gone."""
+    assert set(records.CARDS) <= set(records.read(record)["methods"])

@@ -1,5 +1,6 @@
 // Why two views do not agree: patches of the left view are looked for in the right one without the network, to both sides
-// and on other rows. It takes longer than other checks, and is asked of frames that failed them alone.
+// and on other rows. It takes longer than other checks, and is asked only of frames that failed them, or whose matches tell
+// of no rotation.
 #pragma once
 
 #include <array>
