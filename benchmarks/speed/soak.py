@@ -1,9 +1,11 @@
 """Frames by the hundred thousand beside busy processes: latency, late frames marked, answers the same, memory flat.
 
     python -m benchmarks.speed.soak --json benchmarks/results/speed/soak.json
+    python -m benchmarks.speed.soak --beside "COMMAND" --json benchmarks/results/speed/soak.json
 
 The pairs that come with the package go round. Each answer must be, byte for byte, the one that its pair had first. A
 run that was interrupted goes on from its latest checkpoint, beside the record, when the same command is given again.
+With --beside, the processors are kept busy by a program of your own, which must run as long as the soak.
 """
 
 from __future__ import annotations
@@ -11,7 +13,12 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
+import shlex
+import signal
+import subprocess
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,6 +43,7 @@ class Tally:
     times_ms: list[float] = field(default_factory=list)
     late: list[bool] = field(default_factory=list)
     growth_mb: list[float] = field(default_factory=list)  # of each run, from its warm-up on
+    beside: list[str] = field(default_factory=list)  # what kept the cores busy in each run
     marked_in_time: int = 0  # frames that were marked late and were not
     unmarked: int = (
         0  # frames that were late and not marked: the caller had to wait for a core after the library was done
@@ -44,7 +52,8 @@ class Tally:
     def save(self, path: Path) -> None:
         whole = path.with_suffix(".new.npz")
         counts = (self.marked_in_time, self.unmarked)
-        np.savez(whole, times=self.times_ms, late=self.late, growth=self.growth_mb, counts=counts)
+        lists = {"times": self.times_ms, "late": self.late, "growth": self.growth_mb, "beside": self.beside}
+        np.savez(whole, **{name: np.asarray(values) for name, values in lists.items()}, counts=counts)
         whole.replace(path)
 
     @classmethod
@@ -52,7 +61,8 @@ class Tally:
         if not path.exists():
             return cls()
         with np.load(path) as kept:
-            return cls(*(kept[name].tolist() for name in ("times", "late", "growth")), *kept["counts"].tolist())
+            lists = (kept[name].tolist() for name in ("times", "late", "growth", "beside"))
+            return cls(*lists, *kept["counts"].tolist())
 
 
 def resources() -> dict[str, float]:
@@ -66,15 +76,41 @@ def digest(result: Any) -> bytes:
     return hashlib.sha256(b"".join(map(np.ndarray.tobytes, (result.disparity, result.reasons)))).digest()
 
 
+@dataclass(frozen=True)
+class Burden:
+    """What keeps the cores busy."""
+
+    name: str
+    there: Callable[[], bool]
+
+
+@contextmanager
+def busy(processes: int, command: str | None) -> Iterator[Burden]:
+    """Run so many busy processes meanwhile, or a program, without its output, and all that it starts."""
+    if command is None:
+        with burdened(processes):
+            yield Burden(f"{processes} busy processes", lambda: True)
+        return
+    nowhere = subprocess.DEVNULL
+    program = subprocess.Popen(shlex.split(command), start_new_session=True, stdout=nowhere, stderr=nowhere)
+    try:
+        yield Burden(command, lambda: program.poll() is None)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(program.pid, signal.SIGTERM)
+        program.wait()
+
+
 def soak(
-    estimator: DepthEstimator, deadline_ms: float, frames: int, checkpoint: Path
+    estimator: DepthEstimator, deadline_ms: float, frames: int, checkpoint: Path, burden: Burden
 ) -> tuple[Tally, dict[str, float]]:
-    """Run until so many frames were counted, over all runs; ends where an answer differs."""
+    """Run until so many frames were counted, over all runs; ends where an answer differs, or the burden is gone."""
     pairs = [(pair.left, pair.right) for pair in sample_pairs()]
     first = [digest(estimator.predict(*pair)) for pair in pairs]
     tally = Tally.load(checkpoint)
     done, result, before = len(tally.times_ms), None, resources()
     tally.growth_mb.append(0.0)
+    tally.beside.append(burden.name)
     for number in progress(range(-WARM_UP, frames - done), unit="frame"):
         if number == 0:
             before = resources()
@@ -93,6 +129,8 @@ def soak(
         if (number + 1) % CHECKPOINT == 0:
             tally.growth_mb[-1] = resources()["memory_mb"] - before["memory_mb"]
             tally.save(checkpoint)
+            if not burden.there():
+                raise SystemExit(f"frame {number}: the program beside has ended")
     after = resources()
     tally.growth_mb[-1] = after["memory_mb"] - before["memory_mb"]
     return tally, {f"more_{name}": after[name] - before[name] for name in ("fd", "task")}
@@ -102,19 +140,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", default="fast")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--load", type=int, default=2, help="busy processes beside")
+    burden = parser.add_mutually_exclusive_group()
+    burden.add_argument("--load", type=int, default=2, help="busy processes beside")
+    burden.add_argument("--beside", metavar="COMMAND", help="a program to run beside, in their place")
     parser.add_argument("--deadline-ms", type=float, default=50.0)
     parser.add_argument("--frames", type=int, default=100_000)
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
     checkpoint = args.json.with_suffix(".npz")
     estimator = DepthEstimator(args.model, threads=args.threads, spinning=False, deadline_ms=args.deadline_ms)
-    with burdened(args.load):
-        tally, more = soak(estimator, args.deadline_ms, args.frames, checkpoint)
+    with busy(args.load, args.beside) as burden:
+        tally, more = soak(estimator, args.deadline_ms, args.frames, checkpoint, burden)
     times = np.array(tally.times_ms)
     p50, p99 = np.percentile(times, (50, 99))
     record = {
         "frames": times.size,
+        "beside": tally.beside,
         "runs": len(tally.growth_mb),
         "latency_ms": {"p50": round(p50, 2), "p99": round(p99, 2), "max": round(times.max(), 2)},
         "late": int(np.sum(tally.late)),
@@ -125,7 +166,8 @@ def main() -> None:
         **more,
     }
     command = f"python -m benchmarks.speed.soak --model {estimator.model.name} --threads {args.threads}"
-    command += f" --load {args.load} --deadline-ms {args.deadline_ms:g} --frames {args.frames}"
+    command += f" --load {args.load}" if args.beside is None else f" --beside {shlex.quote(args.beside)}"
+    command += f" --deadline-ms {args.deadline_ms:g} --frames {args.frames}"
     write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
     checkpoint.unlink(missing_ok=True)
     marks = f"{record['late']} of {times.size} marked late, {tally.unmarked} late and unmarked"

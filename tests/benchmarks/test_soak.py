@@ -1,6 +1,7 @@
 """The command that soaks: it goes on where it was, and its record says what was seen."""
 
 import json
+import shlex
 import sys
 import time
 from dataclasses import replace
@@ -22,7 +23,9 @@ def small_pairs(monkeypatch):
 
 
 def run(monkeypatch, file, *options: str) -> None:
-    given = ["--model", str(TINY_MODEL), "--threads", "1", "--load", "0", "--frames", "8", "--json", str(file)]
+    given = ["--model", str(TINY_MODEL), "--threads", "1", "--frames", "8", "--json", str(file)]
+    if "--beside" not in options:
+        given += ["--load", "0"]
     monkeypatch.setattr(sys, "argv", ["soak", *given, *options])
     soak.main()
 
@@ -45,6 +48,7 @@ def test_an_interrupted_run_goes_on_and_is_recorded(monkeypatch, tmp_path):
     run(monkeypatch, file, "--deadline-ms", "0.001")
     record = json.loads(file.read_text())
     assert (record["frames"], record["runs"], record["marked_in_time"]) == (8, 2, 0)
+    assert record["beside"] == 2 * ["0 busy processes"]
     assert record["late_and_unmarked"] == 0
     assert record["late"] == 8 - kept, "the first run was in time"
     assert list(tmp_path.iterdir()) == [file]
@@ -68,3 +72,29 @@ def test_another_answer_ends_the_run(monkeypatch, tmp_path):
     monkeypatch.setattr(soak, "digest", lambda result: next(digests))
     with pytest.raises(SystemExit, match="another answer"):
         run(monkeypatch, tmp_path / "soak.json")
+
+
+def test_a_program_beside_runs_as_long_as_the_soak_and_no_longer(monkeypatch, tmp_path):
+    file, mark = tmp_path / "soak.json", tmp_path / "mark"
+    program = f"import time, pathlib; pathlib.Path({str(mark)!r}).touch(); time.sleep(600)"
+    command = shlex.join([sys.executable, "-c", program])
+    with soak.busy(0, command) as burden:
+        while not mark.exists():
+            assert burden.there()
+            time.sleep(0.01)
+    assert not burden.there(), "the program must have been ended"
+    run(monkeypatch, file, "--beside", command)
+    record = json.loads(file.read_text())
+    assert shlex.quote(command) in record["command"] and record["beside"] == [command]
+
+
+def test_a_program_beside_that_ends_early_ends_the_run(monkeypatch, tmp_path):
+    answer = DepthEstimator.predict
+
+    def predict(self, *pair, **more):
+        time.sleep(0.2)
+        return answer(self, *pair, **more)
+
+    monkeypatch.setattr(DepthEstimator, "predict", predict)
+    with pytest.raises(SystemExit, match="the program beside has ended"):
+        run(monkeypatch, tmp_path / "soak.json", "--beside", "true")

@@ -1,5 +1,8 @@
 import json
 import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -140,3 +143,26 @@ def test_a_load_ends_with_the_timing_of_the_frames():
     assert children() == before
     with pytest.raises(errors.InvalidArgument, match="load: must be at least 0"), burdened(-1):
         pass
+
+
+def test_a_load_ends_with_a_process_that_is_killed():
+    program = (
+        "import time\nfrom endosdk.jobs.bench import burdened\nwith burdened(1): print(flush=True); time.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        parent.stdout.readline()
+        (child,) = (Path("/proc") / str(parent.pid) / "task" / str(parent.pid) / "children").read_text().split()
+        parent.kill()
+    deadline = time.monotonic() + 30
+    while runs(child):
+        assert time.monotonic() < deadline, "the busy process runs on"
+        time.sleep(0.05)
+
+
+def runs(process: str) -> bool:
+    """Whether it has not ended; one that nobody waits for stays as a zombie."""
+    try:
+        return (Path("/proc") / process / "stat").read_text().split()[2] != "Z"
+    except OSError:  # gone, or going
+        return False

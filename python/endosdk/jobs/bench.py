@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import subprocess
 import sys
 import tempfile
@@ -41,6 +42,13 @@ OTHER_FRAMES = 100  # at most: their spread is small, and they need not double t
 # A stream is timed from one answer to a later one. Over fewer frames for each one in flight, the rate would be that of
 # answers which were ready before the clock started.
 STREAM_FRAMES = 5
+
+# Given its parent; ends when that is gone, killed for instance.
+BUSY = """
+import os, sys
+while os.getppid() == int(sys.argv[1]):
+    for _ in range(10**6): pass
+"""
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,7 @@ def burdened(processes: int) -> Iterator[None]:
     """Keep so many other processes busy meanwhile, each with a core if it gets one."""
     if processes < 0:
         raise InvalidArgument("load", "must be at least 0", processes)
-    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+    busy = [subprocess.Popen([sys.executable, "-c", BUSY, str(os.getpid())]) for _ in range(processes)]
     try:
         yield
     finally:
