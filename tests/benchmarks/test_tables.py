@@ -18,6 +18,11 @@ def test_tables_are_those_of_the_records(name):
     assert filled(text) == text
 
 
+@pytest.mark.parametrize("name", [name for name in DOCUMENTS if not name.startswith("docs/history/")])
+def test_only_the_history_shows_numbers_of_files_that_no_longer_ship(name):
+    assert records.STALE_NOTE not in (records.SOURCES / name).read_text()
+
+
 def test_a_row_of_a_file_that_no_longer_ships_is_marked(tmp_path, monkeypatch):
     (tmp_path / "models.toml").write_text('[fast]\nfile = "fast.onnx"\nsha256 = "abc"\n')
     record = {"fps": 50, "stream_fps": 60, "against": {"sgbm": {"fps": 20}}, "model": {"sha256": "abc"}}
