@@ -66,10 +66,11 @@ class Tally:
 
 
 def resources() -> dict[str, float]:
-    """Memory, MB, open files and threads of this process."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    """Memory of its own, MB, open files and threads of this process."""
+    # Not what of files is in memory: that comes and goes with what other programs need.
+    (own,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("RssAnon:"))
     folders = {name: len(list(Path(f"/proc/self/{name}").iterdir())) for name in ("fd", "task")}
-    return {"memory_mb": pages * os.sysconf("SC_PAGE_SIZE") / 2**20, **folders}
+    return {"memory_mb": int(own.split()[1]) / 1024, **folders}
 
 
 def digest(result: Any) -> bytes:
@@ -113,6 +114,7 @@ def soak(
     tally.beside.append(burden.name)
     for number in progress(range(-WARM_UP, frames - done), unit="frame"):
         if number == 0:
+            tally.save(checkpoint)  # takes memory of its own when it is first called
             before = resources()
         turn = number % len(pairs)
         started = time.perf_counter()

@@ -25,6 +25,7 @@ from benchmarks.tables.speed import (
     card_speed_table,
     release_files_table,
     short_speed_table,
+    soak_table,
     speed_table,
 )
 from benchmarks.tables.trust import (
@@ -53,6 +54,7 @@ DOCUMENTS = (
     "docs/live.md",
     "docs/measuring.md",
     "docs/paper/report.md",
+    "docs/device/real-time.md",
     "docs/device/systems.md",
 )
 PLACE = re.compile(r"(<!-- table: (\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
@@ -75,6 +77,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "min-confidence": min_confidence_table,
     "reasons": reasons_table,
     "release-files": release_files_table,
+    "soak": soak_table,
     "fuzzed": fuzzed_table,
     "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,

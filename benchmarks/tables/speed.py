@@ -1,4 +1,4 @@
-"""Frame rates and latency of the models, the instructions of the kernels, and the sizes of the files of a release."""
+"""Frame rates and latency of the models, the soak, the instructions of the kernels, and the sizes of release files."""
 
 from __future__ import annotations
 
@@ -59,6 +59,22 @@ def card_speed_table(model: str) -> str:
         rates = [f"{run[key]:.0f}" if run[key] >= 10 else f"{run[key]:.1f}" for key in ("fps", "stream_fps")]
         rows.append([frames, *rates, *(f"{run['latency_ms'][key]:.0f} ms" for key in ("p50", "p99"))])
     return table(["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99"], rows)
+
+
+def soak_table() -> str:
+    """What a hundred thousand frames on burdened cores showed."""
+    run = records.read("speed/soak")
+    delay = run["latency_ms"]
+    rows = [
+        ["frames", f"{run['frames']:,}"],
+        ["latency, median / p99 / largest", " / ".join(f"{delay[key]:.0f} ms" for key in ("p50", "p99", "max"))],
+        ["frames marked late", f"{run['late']:,}"],
+        ["of them in time by the caller's clock", f"{run['marked_in_time']:,}"],
+        ["not marked, but late by the caller's clock", f"{run['late_and_unmarked']:,}"],
+        ["growth of memory, per start", " / ".join(f"{growth:.1f} MB" for growth in run["memory_growth_mb"])],
+        ["more open files, more threads", f"{run['more_fd']:.0f}, {run['more_task']:.0f}"],
+    ]
+    return table(["measure", records.marked("value", run["model_sha256"])], rows)
 
 
 def arm_instructions_table() -> str:
