@@ -45,9 +45,8 @@ class Tally:
     growth_mb: list[float] = field(default_factory=list)  # of each run, from its warm-up on
     beside: list[str] = field(default_factory=list)  # what kept the cores busy in each run
     marked_in_time: int = 0  # frames that were marked late and were not
-    unmarked: int = (
-        0  # frames that were late and not marked: the caller had to wait for a core after the library was done
-    )
+    # Frames that were late and not marked: the caller had to wait for a core after the library was done.
+    unmarked: int = 0
 
     def save(self, path: Path) -> None:
         whole = path.with_suffix(".new.npz")

@@ -69,8 +69,8 @@ def soak_table() -> str:
         ["frames", f"{run['frames']:,}"],
         ["latency, median / p99 / largest", " / ".join(f"{delay[key]:.0f} ms" for key in ("p50", "p99", "max"))],
         ["frames marked late", f"{run['late']:,}"],
-        ["of them in time by the caller's clock", f"{run['marked_in_time']:,}"],
-        ["not marked, but late by the caller's clock", f"{run['late_and_unmarked']:,}"],
+        ["marked late, but in time by the caller's clock", f"{run['marked_in_time']:,}"],
+        ["late by the caller's clock, but not marked", f"{run['late_and_unmarked']:,}"],
         ["growth of memory, per start", " / ".join(f"{growth:.1f} MB" for growth in run["memory_growth_mb"])],
         ["more open files, more threads", f"{run['more_fd']:.0f}, {run['more_task']:.0f}"],
     ]

@@ -149,7 +149,7 @@ def test_a_load_ends_with_a_process_that_is_killed():
     program = (
         "import time\nfrom endosdk.jobs.bench import burdened\nwith burdened(1): print(flush=True); time.sleep(600)"
     )
-    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None
         parent.stdout.readline()
         (child,) = (Path("/proc") / str(parent.pid) / "task" / str(parent.pid) / "children").read_text().split()
