@@ -7,7 +7,7 @@ import pytest
 
 from endosdk import DepthEstimator, _core, errors
 from endosdk.runtime.models import ModelFile, read_model
-from endosdk.runtime.session import StereoSession, load_runtime
+from endosdk.runtime.session import StereoSession, checked_options, load_runtime
 from endosdk.training.model_file import sealed_bytes
 from tests.conftest import TINY_MODEL, shifted_pair
 
@@ -187,6 +187,15 @@ def test_provider_options_as_text():
         _core.parse_provider_options(["device_id"])
     with pytest.raises(errors.InvalidArgument, match="a key once"):
         _core.check_provider_options("cuda", [("device_id", "0"), ("device_id", "1")])
+
+
+def test_cuda_rounds_floats_only_where_asked_to():
+    """Rounded to 10 bits, what a convolution multiplies moves `fast` by 0.04 px on the demo pair."""
+    assert _core.with_exact_floats("cuda", [("device_id", "1")]) == [("device_id", "1"), ("use_tf32", "0")]
+    assert checked_options("CUDAExecutionProvider", None) == {"use_tf32": "0"}
+    assert checked_options("cuda", {"use_tf32": 1}) == {"use_tf32": "1"}
+    assert checked_options("openvino", {"device_type": "CPU"}) == {"device_type": "CPU"}
+    assert checked_options("cpu", None) == {}
 
 
 @pytest.mark.parametrize("key", ["enable_cuda_graph", "trt_cuda_graph_enable", "enableGraphCapture"])

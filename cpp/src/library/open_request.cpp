@@ -74,8 +74,9 @@ ProviderOptions provider_options(const endo_options& o) {
   std::vector<std::string> texts;
   for (const char* const* text = o.provider_options; text != nullptr && *text != nullptr; ++text) texts.emplace_back(*text);
   ProviderOptions options = parse_provider_options(texts);
-  check_provider_options(o.provider != nullptr ? o.provider : cpu_provider, options);
-  return options;
+  const std::string provider = o.provider != nullptr ? o.provider : cpu_provider;
+  check_provider_options(provider, options);
+  return with_exact_floats(provider, std::move(options));
 }
 
 std::optional<Size> network_size(const endo_options& o) {

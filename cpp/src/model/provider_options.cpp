@@ -21,6 +21,9 @@ bool is_recording(const std::string& key, const std::string& value) {
   return !off && std::find(recording.begin(), recording.end(), key) != recording.end();
 }
 
+// By default CUDA rounds what convolutions multiply to 10 bits, which moves a float32 model's disparities.
+constexpr const char* rounded_floats = "use_tf32";
+
 std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
 }  // namespace
@@ -45,6 +48,13 @@ void check_provider_options(const std::string& provider, const ProviderOptions& 
   }
   require(options.empty() || full_provider_name(provider) != cpu_provider, argument,
           "must be empty for the processor, which takes none", options.empty() ? "" : in_quotes(options.front().first));
+}
+
+ProviderOptions with_exact_floats(const std::string& provider, ProviderOptions options) {
+  const auto chosen = [](const auto& option) { return option.first == rounded_floats; };
+  const bool free = std::none_of(options.begin(), options.end(), chosen);
+  if (free && full_provider_name(provider) == "CUDAExecutionProvider") options.emplace_back(rounded_floats, "0");
+  return options;
 }
 
 }  // namespace endosdk

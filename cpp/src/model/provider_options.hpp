@@ -1,4 +1,4 @@
-// Options of a provider: texts by key, handed to ONNX Runtime unchanged.
+// Options of a provider: texts by key, handed to ONNX Runtime as they are.
 #pragma once
 
 #include <string>
@@ -15,5 +15,8 @@ ProviderOptions parse_provider_options(const std::vector<std::string>& texts);
 // Throws ENDO_INVALID_ARGUMENT for an empty key, a key that stands twice, and any option of the processor. What the
 // provider itself does not know, it refuses when it starts.
 void check_provider_options(const std::string& provider, const ProviderOptions& options);
+
+// Adds what makes a provider compute in whole 32-bit floats where it would round them, unless the options say otherwise.
+ProviderOptions with_exact_floats(const std::string& provider, ProviderOptions options);
 
 }  // namespace endosdk
