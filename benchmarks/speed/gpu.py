@@ -28,9 +28,9 @@ import torch
 from benchmarks.record import write_record
 from benchmarks.speed.graph_cost import GraphCost, graph_cost
 from endosdk.runtime.models import read_model, shipped_models
+from endosdk.training import checkpoint
 from endosdk.training.half import halved
 from endosdk.training.model_file import sealed_bytes
-from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Deployed
 
 Array = np.ndarray
@@ -80,6 +80,15 @@ def pair_of(width: int, height: int) -> dict[str, Array]:
     return {"left": wide[None, :, :, :width].copy(), "right": wide[None, :, :, 12 : width + 12].copy()}
 
 
+def named_sides(model: bytes) -> list[str]:
+    """Name the sides of the model's pictures; empty where one is fixed."""
+    try:
+        graph = onnx.load_from_string(model).graph
+    except Exception as error:  # protobuf's own kind
+        raise RuntimeError("no ONNX model") from error
+    return [side.dim_param for side in graph.input[0].type.tensor_type.shape.dim]
+
+
 class BoundSession:
     """A session with inputs and outputs in fixed memory of the device."""
 
@@ -88,6 +97,10 @@ class BoundSession:
         settings.log_severity_level = 3
         if device.provider != "cpu":
             settings.add_session_config_entry("session.disable_cpu_ep_fallback", "1")
+        # As the frame path does: where sides are known, no arithmetic of shapes is left, which runs on the processor.
+        for side, length in zip(named_sides(model), feed["left"].shape, strict=True):
+            if side:
+                settings.add_free_dimension_override_by_name(side, length)
         providers = [(device.execution_provider, options)]
         self._session = ort.InferenceSession(model, settings, providers=providers)
         if self._session.get_providers()[0] != device.execution_provider:
@@ -159,13 +172,13 @@ def measure_variant(
 
 
 def measure_torch(
-    metadata: dict[str, str], device: Card, size: tuple[int, int], frames: int, compiled: bool
+    name: str, stride: int, device: Card, size: tuple[int, int], frames: int, compiled: bool
 ) -> dict[str, Any]:
-    """Time the network of a file with this metadata in torch; its weights do not matter for the time."""
+    """Time the network of a shipped model in torch, with an answer for every ``stride`` pixels."""
     width, height = size
     place = "cuda" if device.provider == "cuda" else "cpu"
-    built = build_network(metadata["endosdk.name"].removesuffix("-fp32"))
-    built.deploy_at(int(metadata["endosdk.output_stride"]))
+    built = checkpoint.load(checkpoint.starting_point(name.removesuffix("-fp32"))).build()
+    built.deploy_at(stride)
     network = Deployed(built.export_form()).eval().to(place)
     views = [torch.zeros(1, 3, height, width, dtype=torch.uint8, device=place) for _ in range(2)]
     call = torch.compile(network, mode="max-autotune") if compiled else network
@@ -205,13 +218,11 @@ def measure_model(name: str, device: Card, size: tuple[int, int], frames: int, c
             results.append(with_floors(found, cost, device, precision))
             timed = found.get("on_device_ms", {})
             print(name, precision, options, timed or found["failed"], file=sys.stderr, flush=True)
-    # The runtime may have no kernel for half precision of a layer; torch then stays the only fp16 line.
-    metadata = reference.get_modelmeta().custom_metadata_map
     return {
         "gmacs": cost.macs / 1e9,
         "conv_megabytes_fp32": cost.conv_bytes / 1e6,
         "variants": results,
-        "torch": measure_torch(metadata, device, size, frames, compiled),
+        "torch": measure_torch(name, size[0] // truth[0].shape[-1], device, size, frames, compiled),
     }
 
 

@@ -36,6 +36,17 @@ def test_record_of_a_run_on_the_processor(tmp_path):
     assert set(found["torch"]) == {"fp32", "fp16"}
 
 
+def test_every_model_that_suits_a_card_has_its_network_in_torch():
+    names = gpu.float_models()
+    assert {"fast-fp32", "accurate-fp32", "wang2020"} <= set(names)
+    for name in names:
+        assert gpu.measure_torch(name, 2, PROCESSOR, (160, 96), 1, compiled=False)["fp32"]["p50"] > 0
+
+
+def test_sides_of_the_pictures_are_known_before_a_card_compiles(model):
+    assert [bool(side) for side in gpu.named_sides(model)] == [True, False, True, True]
+
+
 def test_half_precision_leaves_the_softmax_and_its_sum_in_float(model):
     graph = onnx.load_from_string(gpu.half_precision(model)).graph
     makers = {name: node for node in graph.node for name in node.output}
