@@ -196,7 +196,8 @@ class Run:
                 saved_at = time.monotonic()
 
     def _train_step(self, model: nn.Module, batch: list[Tensor], refined: bool) -> dict[str, Tensor]:
-        left, right, truth = (part.to(self.device, torch.float32) for part in batch)
+        # Bytes travel to the device; they become floats there.
+        left, right, truth = (part.to(self.device).to(torch.float32) for part in batch)
         left, right = (view.contiguous(memory_format=torch.channels_last) for view in (left, right))
         window = self._window() if refined else None
         rate = self.config.rate_at(self.step)
@@ -231,7 +232,8 @@ class Run:
             total = total + weight * self.loss(found, wanted, mask)
             if index in (0, len(weights) - 1):
                 name = "epe_refined" if index else "epe_coarse"
-                report[name] = (found.detach() - wanted)[mask].abs().mean()
+                error = torch.where(mask, found.detach() - wanted, 0.0)
+                report[name] = error.abs().sum() / mask.sum()
         return {"loss": total, **report}
 
     def _add_volume_loss(self, report: dict[str, Tensor], prediction: Prediction, truth: Tensor) -> None:
