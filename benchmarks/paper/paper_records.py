@@ -56,6 +56,14 @@ class PaperRecords:
         return {**self.table.get("methods", {}), **rows_by_name(self.ablations.get("groups", {}))}
 
     @cached_property
+    def trained(self) -> dict[str, dict[str, Any]]:
+        """A row of every method in any of the tables, by its name; that of Table 1 where there are several."""
+        rows: dict[str, dict[str, Any]] = {}
+        for found in self.tables.values():
+            rows = {**found["methods"], **rows}
+        return rows
+
+    @cached_property
     def bound(self) -> Bound:
         """By how much the errors of two runs of one setting differ."""
         return repeat_bound(self.known)
