@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import torch
 from torch import Tensor, nn
 from torch.optim import Optimizer
+from torch.optim.adamw import adamw
 
 from endosdk.training.config import TrainConfig
 
@@ -15,6 +18,7 @@ ADAMW_SIZE = 0.2  # how much AdamW usually moves a weight, as a share of the rat
 SMALLEST = 1e-7
 MOMENTUM = 0.95
 ADAM_MOMENTA = 0.9, 0.999  # of the gradient and of its square
+ADAM_STATE = "exp_avg", "exp_avg_sq"
 
 
 def build_optimiser(network: nn.Module, config: TrainConfig) -> Optimizer:
@@ -41,47 +45,61 @@ class Muon(Optimizer):
     def step(self) -> None:  # type: ignore[override]
         """Take one step along the gradients that are there."""
         for group in self.param_groups:
+            shapes: dict[tuple[int, ...], list[Tensor]] = defaultdict(list)
+            others: list[Tensor] = []
             for parameter in group["params"]:
-                if parameter.grad is None:
-                    continue
-                parameter.mul_(1.0 - group["lr"] * group["weight_decay"])
-                by_matrix = parameter.ndim >= 4 and parameter.shape[0] > 1
-                direction = self._orthogonal(parameter) if by_matrix else self._adam(parameter)
-                parameter.add_(direction, alpha=-group["lr"])
+                if parameter.grad is not None:
+                    by_matrix = parameter.ndim >= 4 and parameter.shape[0] > 1
+                    (shapes[tuple(parameter.flatten(1).shape)] if by_matrix else others).append(parameter)
+            for shape, parameters in shapes.items():
+                self._step_matrices(parameters, shape, group["lr"], group["weight_decay"])
+            self._step_others(others, group["lr"], group["weight_decay"])
 
-    def _orthogonal(self, parameter: Tensor) -> Tensor:
-        state, gradient = self.state[parameter], parameter.grad
-        assert gradient is not None
-        if not state:
-            state["momentum"] = torch.zeros_like(parameter)
-        mean = state["momentum"].lerp_(gradient, 1.0 - MOMENTUM)
-        ahead = gradient.lerp(mean, MOMENTUM).flatten(1)
-        size: float = ADAMW_SIZE * max(ahead.shape) ** 0.5
-        direction: Tensor = orthogonalised(ahead) * size
-        return direction.view(parameter.shape)
+    def _step_matrices(self, parameters: list[Tensor], shape: tuple[int, ...], rate: float, decay: float) -> None:
+        """Move parameters whose matrices have one shape: together, because there are many small ones."""
+        ahead = []
+        for parameter in parameters:
+            state, gradient = self.state[parameter], parameter.grad
+            assert gradient is not None
+            if not state:
+                state["momentum"] = torch.zeros_like(parameter)
+            mean = state["momentum"].lerp_(gradient, 1.0 - MOMENTUM)
+            ahead.append(gradient.lerp(mean, MOMENTUM).flatten(1))
+        directions = orthogonalised(torch.stack(ahead)) * (ADAMW_SIZE * max(shape) ** 0.5)
+        for parameter, direction in zip(parameters, directions, strict=True):
+            parameter.mul_(1.0 - rate * decay).add_(direction.reshape(parameter.shape), alpha=-rate)
 
-    def _adam(self, parameter: Tensor) -> Tensor:
-        state, gradient = self.state[parameter], parameter.grad
-        assert gradient is not None
-        if not state:
-            state["step"] = torch.zeros(())
-            state["exp_avg"], state["exp_avg_sq"] = torch.zeros_like(parameter), torch.zeros_like(parameter)
-        state["step"] += 1
-        taken = float(state["step"])
-        first, second = ADAM_MOMENTA
-        mean = state["exp_avg"].lerp_(gradient, 1.0 - first) / (1.0 - first**taken)
-        square = state["exp_avg_sq"].lerp_(gradient.square(), 1.0 - second) / (1.0 - second**taken)
-        direction: Tensor = mean / (square.sqrt() + SMALLEST)
-        return direction
+    def _step_others(self, parameters: list[Tensor], rate: float, decay: float) -> None:
+        for parameter in parameters:
+            if not self.state[parameter]:
+                zeros = {name: torch.zeros_like(parameter) for name in ADAM_STATE}
+                self.state[parameter] |= {"step": torch.zeros(()), **zeros}
+        states = [self.state[parameter] for parameter in parameters]
+        (first, second), (mean, square) = ADAM_MOMENTA, ADAM_STATE
+        adamw(
+            parameters,
+            [parameter.grad for parameter in parameters if parameter.grad is not None],
+            [state[mean] for state in states],
+            [state[square] for state in states],
+            [],
+            [state["step"] for state in states],
+            amsgrad=False,
+            beta1=first,
+            beta2=second,
+            lr=rate,
+            weight_decay=decay,
+            eps=SMALLEST,
+            maximize=False,
+        )
 
 
-def orthogonalised(matrix: Tensor) -> Tensor:
-    """Return a matrix [m, n] of the same singular vectors whose singular values lie near 1, within about 0.3."""
-    tall = matrix.shape[0] > matrix.shape[1]
-    x: Tensor = matrix.T if tall else matrix
-    x = x / (x.norm() + SMALLEST)
+def orthogonalised(matrices: Tensor) -> Tensor:
+    """Return matrices [..., m, n] of the same singular vectors whose singular values lie near 1, within about 0.3."""
+    tall = matrices.shape[-2] > matrices.shape[-1]
+    x: Tensor = matrices.mT if tall else matrices
+    x = x / (torch.linalg.matrix_norm(x, keepdim=True) + SMALLEST)
     linear, cubic, quintic = QUINTIC
     for _ in range(ROUNDS):
-        square = x @ x.T
+        square = x @ x.mT
         x = linear * x + (cubic * square + quintic * square @ square) @ x
-    return x.T if tall else x
+    return x.mT if tall else x
