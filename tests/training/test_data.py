@@ -79,6 +79,16 @@ def test_processes_share_the_work_without_overlap(reader):
         assert torch.equal(joined, alone[step])
 
 
+@pytest.mark.parametrize("cache_gib, kept", [(8.0, 4), (0.0, 0)])
+def test_workers_share_the_pairs_that_were_decoded_before_they_started(reader, cache_gib, kept):
+    steps = {"first": 0, "last": 2, "rank": 0, "world": 1}
+    alone = [left for left, *_ in crops(reader, augment=False).batches(2, workers=0, **steps)]
+    source = crops(reader, augment=False, cache_gib=cache_gib)
+    shared = [left for left, *_ in source.batches(2, workers=2, **steps)]
+    assert all(torch.equal(*pair) for pair in zip(alone, shared, strict=True))
+    assert len(source._cache) == kept  # in this process, which draws no crop itself
+
+
 def test_a_resumed_run_sees_what_the_first_would_have(reader):
     source = crops(reader)
     options = {"rank": 0, "world": 1, "workers": 0}

@@ -75,7 +75,7 @@ class TrainConfig:
     crop: tuple[int, int] | None = None  # None: the network's usual one, which fits what it sees of a frame
     augment: bool = True
     looks: tuple[str, ...] = ()  # of real endoscopes, on top of the usual augmentation
-    workers: int = 0  # extra processes that prepare crops; each keeps its own cache
+    workers: int = 0  # extra processes that prepare crops; they share the decoded pairs where they are forked
     cache_gib: float = 8.0  # memory for decoded pairs
     seed: int = 0
 

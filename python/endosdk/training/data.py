@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +15,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
+from endosdk.io.progress import progress
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
 from endosdk.training.frame_size import seen_size, seen_truth, seen_views
 
@@ -96,11 +99,20 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         self, batch: int, *, first: int, last: int, rank: int, world: int, workers: int
     ) -> Iterator[list[Tensor]]:
         """Yield the batches of steps ``first`` to ``last`` - 1 for one of ``world`` processes."""
+        if workers and multiprocessing.get_start_method() == "fork":
+            self._decode_ahead(workers)
         items = [(step * world + rank) * batch + slot for step in range(first, last) for slot in range(batch)]
         loader: DataLoader[tuple[Tensor, Tensor, Tensor]] = DataLoader(
             self, batch_size=batch, sampler=items, num_workers=workers, persistent_workers=False
         )
         yield from loader
+
+    def _decode_ahead(self, threads: int) -> None:
+        """Decode the pairs that fit into memory: forked processes then share them, instead of decoding each anew."""
+        fitting = self.indices[: 1 + self._room // self._load(self.indices[0]).size]
+        with ThreadPoolExecutor(threads) as pool, progress(total=len(fitting), title="decoding", stays=False) as bar:
+            for _ in pool.map(self._load, fitting):
+                bar.update()
 
     def _load(self, index: int) -> _Stored:
         if index in self._cache:
