@@ -294,15 +294,15 @@ def _check_for_conflict() -> None:
 
 def checked_options(provider: str, options: Mapping[str, str | int] | None) -> dict[str, str]:
     """Return the options of a provider as texts; numbers are written out, and floats not rounded unless asked for."""
-    options = {} if options is None else options
+    name, options = provider_name(provider), {} if options is None else options
     if not isinstance(options, Mapping):
         raise InvalidArgument("provider_options", "must map keys to texts", type(options).__name__)
     for key, value in options.items():
         if not isinstance(key, str) or not isinstance(value, str | int):
             raise InvalidArgument("provider_options", "must map texts to texts or whole numbers", f"{key!r}: {value!r}")
     texts = {key: str(value) for key, value in options.items()}
-    _core.check_provider_options(provider, list(texts.items()))
-    return dict(_core.with_exact_floats(provider, list(texts.items())))
+    _core.check_provider_options(name, list(texts.items()))
+    return dict(_core.with_exact_floats(name, list(texts.items())))
 
 
 def _placement(session: Any) -> dict[str, dict[str, int]]:
