@@ -56,7 +56,7 @@ class PaperRecords:
         return {**self.table.get("methods", {}), **rows_by_name(self.ablations.get("groups", {}))}
 
     @cached_property
-    def trained(self) -> dict[str, dict[str, Any]]:
+    def methods(self) -> dict[str, dict[str, Any]]:
         """A row of every method in any of the tables, by its name; that of Table 1 where there are several."""
         rows: dict[str, dict[str, Any]] = {}
         for found in self.tables.values():

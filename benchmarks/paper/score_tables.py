@@ -166,7 +166,7 @@ def learned_table(records: PaperRecords) -> str:
     """The error on pairs that the runs have learned from, beside that on test pairs."""
     rows = [
         [LABELS[name], str(row["train_pairs_scored"]), f"{row['train_epe']:.3f}", f"{row['epe']:.3f}"]
-        for name, row in records.trained.items()
+        for name, row in records.methods.items()
         if row.get("train_epe") is not None and name in LABELS
     ]
     return _table(["method", "training pairs scored", "EPE on them, px", "EPE on test pairs, px"], rows)
@@ -176,7 +176,7 @@ def stages_table(records: PaperRecords) -> str:
     """The error of AnyNet after each of its stages."""
     rows = [
         [LABELS[name], *(f"{error:.3f}" for error in row["stages"])]
-        for name, row in records.trained.items()
+        for name, row in records.methods.items()
         if row.get("stages") and name in LABELS
     ]
     return _table(["EPE, px", "stage 1", "stage 2", "stage 3", "stage 4"], rows)

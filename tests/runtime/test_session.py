@@ -190,7 +190,7 @@ def test_provider_options_as_text():
 
 
 def test_cuda_rounds_floats_only_where_asked_to():
-    """Rounded to 10 bits, what a convolution multiplies moves `fast` by 0.04 px on the demo pair."""
+    """Rounded to 10 bits, what a convolution multiplies moves disparities where two planes are nearly equal."""
     assert _core.with_exact_floats("cuda", [("device_id", "1")]) == [("device_id", "1"), ("use_tf32", "0")]
     assert checked_options("CUDAExecutionProvider", None) == {"use_tf32": "0"}
     assert checked_options("cuda", {"use_tf32": 1}) == {"use_tf32": "1"}

@@ -222,7 +222,7 @@ void OrtStereoSession::add_provider(OrtSessionOptions* options) const {
 void OrtStereoSession::append_provider(OrtSessionOptions* options, const std::vector<const char*>& keys,
                                        const std::vector<const char*>& values) const {
   const OrtApi& api = runtime_->api();
-  if (facts_.provider == "CUDAExecutionProvider") {
+  if (facts_.provider == cuda_provider) {
     OrtCUDAProviderOptionsV2* cuda = nullptr;
     check_provider(api.CreateCUDAProviderOptions(&cuda));
     const OrtHandle<OrtCUDAProviderOptionsV2> held(cuda, api.ReleaseCUDAProviderOptions);

@@ -53,7 +53,7 @@ void check_provider_options(const std::string& provider, const ProviderOptions& 
 ProviderOptions with_exact_floats(const std::string& provider, ProviderOptions options) {
   const auto chosen = [](const auto& option) { return option.first == rounded_floats; };
   const bool free = std::none_of(options.begin(), options.end(), chosen);
-  if (free && full_provider_name(provider) == "CUDAExecutionProvider") options.emplace_back(rounded_floats, "0");
+  if (free && full_provider_name(provider) == cuda_provider) options.emplace_back(rounded_floats, "0");
   return options;
 }
 

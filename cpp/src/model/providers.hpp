@@ -7,6 +7,7 @@
 namespace endosdk {
 
 constexpr const char* cpu_provider = "CPUExecutionProvider";
+constexpr const char* cuda_provider = "CUDAExecutionProvider";
 
 struct Provider {
   const char* name;           // what users write
@@ -18,7 +19,7 @@ struct Provider {
 
 constexpr Provider providers[] = {
     {"cpu", cpu_provider, cpu_provider, false, true},
-    {"cuda", "CUDAExecutionProvider", "CUDA", true, false},
+    {"cuda", cuda_provider, "CUDA", true, false},
     {"tensorrt", "TensorrtExecutionProvider", "TensorRT", true, false},
     {"openvino", "OpenVINOExecutionProvider", "OpenVINO", true, false},
     {"directml", "DmlExecutionProvider", "DML", true, false},

@@ -50,7 +50,8 @@ class DepthEstimator:
             ``cpu`` compiles the model once per frame size, and once when the estimator is made; the latest four sizes
             are kept.
         provider_options: settings of the provider, such as ``{"device_id": 1}``: see its own page. Passed on as
-            texts, unchanged; what the provider refuses is a `ProviderUnavailable`.
+            texts, unchanged; ``use_tf32`` of CUDA is 0 unless it is given. What the provider refuses is a
+            `ProviderUnavailable`.
         threads: processor threads for every stage, 1 to 256; default is the number of cores this process may use, but
             at most 8.
         channel_order: ``rgb`` or ``bgr``, the order of colour frames. Gray frames need none.

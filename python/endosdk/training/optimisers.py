@@ -51,11 +51,11 @@ class Muon(Optimizer):
                 if parameter.grad is not None:
                     by_matrix = parameter.ndim >= 4 and parameter.shape[0] > 1
                     (shapes[tuple(parameter.flatten(1).shape)] if by_matrix else others).append(parameter)
-            for shape, parameters in shapes.items():
-                self._step_matrices(parameters, shape, group["lr"], group["weight_decay"])
+            for parameters in shapes.values():
+                self._step_matrices(parameters, group["lr"], group["weight_decay"])
             self._step_others(others, group["lr"], group["weight_decay"])
 
-    def _step_matrices(self, parameters: list[Tensor], shape: tuple[int, ...], rate: float, decay: float) -> None:
+    def _step_matrices(self, parameters: list[Tensor], rate: float, decay: float) -> None:
         """Move parameters whose matrices have one shape: together, because there are many small ones."""
         ahead = []
         for parameter in parameters:
@@ -65,7 +65,7 @@ class Muon(Optimizer):
                 state["momentum"] = torch.zeros_like(parameter)
             mean = state["momentum"].lerp_(gradient, 1.0 - MOMENTUM)
             ahead.append(gradient.lerp(mean, MOMENTUM).flatten(1))
-        directions = orthogonalised(torch.stack(ahead)) * (ADAMW_SIZE * max(shape) ** 0.5)
+        directions = orthogonalised(torch.stack(ahead)) * (ADAMW_SIZE * max(ahead[0].shape) ** 0.5)
         for parameter, direction in zip(parameters, directions, strict=True):
             parameter.mul_(1.0 - rate * decay).add_(direction.reshape(parameter.shape), alpha=-rate)
 
