@@ -313,6 +313,8 @@ def test_rows_of_another_set_do_not_join_a_table(done, tmp_path):
     assert (done / "results/paper/table1.json").read_text() == before
 
 
+# The time may be over while something opens a file, which then nobody closes.
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 def test_one_command_does_it_all_and_goes_on_where_it_stopped(tiny_set, tmp_path, capsys):
     places = [f"--{name}={tmp_path / name}" for name in ("runs", "results", "docs")]
     short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--device=cpu", "--precision=fp32", "--budget=gpu"]
