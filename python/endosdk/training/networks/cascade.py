@@ -25,15 +25,20 @@ from endosdk.training.networks.blocks import (
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.fast import (
     CELL,
+    DISPARITY_HINT,
     FINE,
+    HINTS,
     LARGE,
     ROUGH_SLOPE,
     SMALL,
+    START,
     STRIDE,
     WIDE_UNIT,
     Fast,
     Refinement,
     Shape,
+    surface_hints,
+    surfaces_around,
     unshuffled,
 )
 from endosdk.training.networks.fast_export import ByteRows, over_byte_rows
@@ -41,13 +46,6 @@ from endosdk.training.networks.photometric import brightness, moments, step
 
 FIRST = "first."  # prefix of the names of the first stage's weights
 HALVED = 2  # pixels of the frame per pixel that the first stage sees
-NEIGHBOURS = 5  # cells, along each axis, among which the nearest and the farthest surface are looked for
-DISPARITY_HINT = 3 * FINE**2 + 3  # which of the hints is the disparity
-HINTS = 3 * FINE**2 + 4 + 2 * 4  # channels that tell the refinement what the comparisons gave
-UNIT = 16.0  # px; in this unit differences of disparities are about as large as the other hints
-# Of the correction, the belief in the step, and the gates to the nearest and the farthest surface around: it starts
-# with the map of the first stage and the step that the pictures ask for.
-START = 0.0, 1.0, -3.0, -3.0
 
 
 class Cascade(StereoNetwork):
@@ -96,7 +94,8 @@ class Cascade(StereoNetwork):
         if any(name.startswith(FIRST) for name in weights):
             weights = self.with_clues(weights)
             first = {name.removeprefix(FIRST): value for name, value in weights.items() if name.startswith(FIRST)}
-            return weights | {FIRST + name: value for name, value in self.first.with_clues(first).items()}
+            first = self.first.with_surfaces(self.first.with_clues(first))
+            return weights | {FIRST + name: value for name, value in first.items()}
         own = {name: value for name, value in self.state_dict().items() if not name.startswith(FIRST)}
         first = self.first.adapted(weights, max_disparity, dense_disparity)
         return own | {FIRST + name: value for name, value in first.items()}
@@ -122,15 +121,12 @@ class Cascade(StereoNetwork):
         fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
         shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
         hints = [shuffled, small.step, small.texture, large.step, disparity / (CELL * self.hint_unit)]
-        reach = NEIGHBOURS // 2
-        near = F.max_pool2d(disparity, NEIGHBOURS, 1, reach)
-        far = -F.max_pool2d(-disparity, NEIGHBOURS, 1, reach)
-        for other in (near, far):
-            seen = step(moments(bright[:pairs], bright[pairs:], other, CELL), SMALL)
-            hints += [(other - disparity) / UNIT, seen.step, seen.spread]
+        surfaces = surfaces_around(disparity)
+        for other in surfaces:
+            hints += surface_hints(bright[:pairs], bright[pairs:], other, disparity)
         evidence = torch.cat([evidence, small.spread], dim=1)
         context = self.features(self.stem(values))
-        steps = torch.cat([shuffled[:, : FINE**2], near, far], dim=1)
+        steps = torch.cat([shuffled[:, : FINE**2], *surfaces], dim=1)
         return Coarse(disparity, evidence, context, torch.cat(hints, dim=1), steps)
 
     def refine(self, coarse: Coarse) -> Prediction:

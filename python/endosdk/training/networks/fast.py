@@ -37,11 +37,25 @@ HALVED = 2  # cells of the matching grid per cell of the volume
 STRIDE = 2  # input pixels per cell of the answer
 FINE = CELL // STRIDE  # cells of the answer along one side of a cell of the matching grid
 SMALL, LARGE = 3, 7  # windows, in cells, within which the pictures are compared
-HINTS = 3 * FINE**2 + 4  # channels that tell the refinement what the comparison gave
-START = 0.0, 1.0  # of the correction and the belief: it believes the pictures and adds nothing
+NEIGHBOURS = 5  # cells, along each axis, among which the nearest and the farthest surface are looked for
+DISPARITY_HINT = 3 * FINE**2 + 3  # which of the hints is the disparity
+HINTS = DISPARITY_HINT + 1 + 2 * 4  # channels that tell the refinement what the comparisons gave
+SURFACE_UNIT = 16.0  # px; in this unit differences of disparities are about as large as the other hints
+# Of the correction, the belief in the step, and the gates to the nearest and the farthest surface around: it believes
+# the pictures, adds nothing, and hardly opens the gates.
+START = 0.0, 1.0, -3.0, -3.0
 WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the other hints
 NEARBY = 5, 13  # cells, along each axis, within which the confidence looks for jumps of the disparity
 CLUES = HINTS - 1 + 2 + len(NEARBY)  # channels that the confidence reads besides its evidence
+# Weights that were narrower before the refinement knew the surfaces around, and along which axis.
+GROWN = {
+    "refinement.hints.weight": 1,
+    "refinement.last.weight": 0,
+    "refinement.last.bias": 0,
+    "confidence.surveyor.mean": 1,
+    "confidence.surveyor.spread": 1,
+    "confidence.surveyor.mix.weight": 1,
+}
 ROUGH_SLOPE = 0.0  # plain rectifiers: runtimes fold them into 8-bit convolutions for nothing
 
 
@@ -115,7 +129,7 @@ class Fast(StereoNetwork):
         Only the surroundings know the planes apart: each plane takes the weights of the nearest of the other network.
         Weights from before there were surroundings, or clues for the confidence, get some that correct nothing.
         """
-        weights = self.with_clues(weights)
+        weights = self.with_surfaces(self.with_clues(weights))
         part = "aggregation.surroundings."
         if not any(name.startswith(part) for name in weights):
             own = {name: value for name, value in self.state_dict().items() if name.startswith(part)}
@@ -132,6 +146,19 @@ class Fast(StereoNetwork):
             ).items()
         }
 
+    def with_surfaces(self, weights: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Return weights from before the refinement knew the surfaces around with some that make nothing of them."""
+        own = self.state_dict()
+        fresh = {"confidence.surveyor.spread": 1.0}
+        grown = {}
+        for name, axis in GROWN.items():
+            missing = own[name].shape[axis] - weights[name].shape[axis]
+            new = own[name].narrow(axis, weights[name].shape[axis], missing)
+            if name != "refinement.last.bias":  # the gates start where `START` says
+                new = torch.full_like(new, fresh.get(name, 0.0))
+            grown[name] = torch.cat([weights[name], new], dim=axis)
+        return weights | grown
+
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8, give the answer at 1/4, and compare the pictures there."""
         values, bright = self.pixels(torch.cat([left, right]))
@@ -144,18 +171,31 @@ class Fast(StereoNetwork):
         fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
         shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
         hints = [shuffled, small.step, small.texture, large.step, found.disparity / self.hint_unit]
+        surfaces = surfaces_around(disparity.detach())
+        for other in surfaces:
+            hints += surface_hints(bright[:pairs], bright[pairs:], other, disparity)
         evidence = torch.cat([match_evidence(found, CELL), small.spread], dim=1)
-        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), shuffled[:, : FINE**2], cost)
+        steps = torch.cat([shuffled[:, : FINE**2], *surfaces], dim=1)
+        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), steps, cost)
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Take the step that the pictures ask for where it is to be believed, add what edges tell, and rectify."""
         assert coarse.hints is not None and coarse.step is not None
-        correction, belief = self.refinement(coarse.context, coarse.hints).chunk(2, dim=1)
+        step_wanted, *surfaces = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
+        correction, belief, *gates = self.refinement(coarse.context, coarse.hints).chunk(4, dim=1)
         doubt = torch.log(correction.detach().abs().amax(dim=1, keepdim=True) + 0.05)
-        change = correction + torch.sigmoid(belief) * coarse.step
         rough = self.on_answer_grid(coarse.disparity)
-        clues = [coarse.hints[:, : HINTS - 1].detach(), *surface_clues(coarse.disparity.detach() / (CELL * WIDE_UNIT))]
-        maps = [rough, torch.relu(rough + F.pixel_shuffle(change, FINE))]
+        change = F.pixel_shuffle(correction + torch.sigmoid(belief) * step_wanted, FINE)
+        for gate, surface in zip(gates, surfaces, strict=True):
+            there = F.interpolate(surface, scale_factor=float(FINE), mode="nearest")
+            change = change + torch.sigmoid(F.pixel_shuffle(gate, FINE)) * (there - rough)
+        hints = coarse.hints.detach()
+        clues = [
+            hints[:, :DISPARITY_HINT],
+            *surface_clues(coarse.disparity.detach() / (CELL * WIDE_UNIT)),
+            hints[:, DISPARITY_HINT + 1 :],
+        ]
+        maps = [rough, torch.relu(rough + change)]
         return Prediction(maps, torch.cat([coarse.evidence, doubt], dim=1), clues=torch.cat(clues, dim=1))
 
     def export_form(self) -> StereoNetwork:
@@ -176,7 +216,7 @@ class Fast(StereoNetwork):
         # All hints have one 8-bit scale, of which the disparity would leave the others little.
         form.hint_unit = WIDE_UNIT
         with torch.no_grad():
-            form.refinement.hints.weight[:, -1] *= WIDE_UNIT
+            form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
         return form
 
 
@@ -286,6 +326,17 @@ class Refinement(nn.Module):
         """Map features and hints [N, C, h, w] to the outputs, FINE^2 channels each."""
         out: Tensor = self.last(self.layers(self.view(view, added=self.hints(hints))))
         return out
+
+
+def surfaces_around(disparity: Tensor) -> list[Tensor]:
+    """Give the nearest and the farthest disparity around each cell of a map [N, 1, h, w]: at an edge, both surfaces."""
+    return [_largest(disparity, NEIGHBOURS), -_largest(-disparity, NEIGHBOURS)]
+
+
+def surface_hints(left: Tensor, right: Tensor, other: Tensor, disparity: Tensor) -> list[Tensor]:
+    """Say how far another disparity [N, 1, h, w], px, is away, and what the brightness of both views says of it."""
+    seen = step(moments(left, right, other, CELL), SMALL)
+    return [(other - disparity) / SURFACE_UNIT, seen.step, seen.spread]
 
 
 def surface_clues(disparity: Tensor) -> list[Tensor]:
