@@ -97,6 +97,10 @@ def test_both_stages_run_in_integers(exported_cascade, tmp_path):
     graph = onnx.load(tmp_path / "int8.onnx").graph
     makers = {name: node for node in graph.node for name in node.output}
     weights = {weight.name: weight for weight in graph.initializer}
+    kinds = {tuple(weight.dims): weight.data_type for weight in graph.initializer}
+    # One scale for both would leave the correction steps of an eighth of a pixel.
+    correction, gates = kinds[(4, 32, 3, 3)], kinds[(12, 32, 3, 3)]
+    assert (correction, gates) == (onnx.TensorProto.FLOAT, onnx.TensorProto.INT8)
     wide = [node for node in graph.node if node.op_type == "Conv" and node.input[1] in weights]
     floats = [conv for conv in wide if weights[conv.input[1]].dims[0] >= 16]
     # As in `Fast`, one layer in each stage reads disparities beside what was seen at them.

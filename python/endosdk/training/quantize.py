@@ -26,7 +26,7 @@ from endosdk.io.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.model_file import write_model
 
-LEAST_CHANNELS = 16  # channels from which a convolution fills the integer units
+LEAST_CHANNELS = 12  # channels from which a convolution is quicker in integers
 # Operators that only move values, between a convolution and the addition or the product that reads its result.
 MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose", "Gather")
 # Without VNNI a processor multiplies two neighbouring values by their weights and adds the products in 16 bits, which

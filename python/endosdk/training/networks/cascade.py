@@ -41,7 +41,7 @@ from endosdk.training.networks.fast import (
     surfaces_around,
     unshuffled,
 )
-from endosdk.training.networks.fast_export import ByteRows, over_byte_rows
+from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, over_byte_rows
 from endosdk.training.networks.photometric import brightness, moments, step
 
 FIRST = "first."  # prefix of the names of the first stage's weights
@@ -133,8 +133,8 @@ class Cascade(StereoNetwork):
         """Choose between the surface found, the nearest and the farthest around, and add what the pictures ask for."""
         assert coarse.hints is not None and coarse.step is not None
         step_wanted, near, far = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
-        out = self.refinement(coarse.context, coarse.hints)
-        correction, belief, to_near, to_far = (F.pixel_shuffle(part, FINE) for part in out.chunk(4, dim=1))
+        outputs = self.refinement(coarse.context, coarse.hints)
+        correction, belief, to_near, to_far = (F.pixel_shuffle(part, FINE) for part in outputs)
         # On the coarse grid, like all other evidence.
         doubt = torch.log(F.max_pool2d(correction.detach().abs(), FINE) + 0.05)
         rough = self.on_answer_grid(coarse.disparity)
@@ -160,6 +160,7 @@ class Cascade(StereoNetwork):
         form.hint_unit = WIDE_UNIT
         with torch.no_grad():
             form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
         return form
 
 

@@ -28,7 +28,7 @@ from endosdk.training.networks.blocks import (
 )
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, match_evidence, soft_argmin
-from endosdk.training.networks.fast_export import ByteRows, PairedLayers, PairedVolume, over_byte_rows
+from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, PairedLayers, PairedVolume, over_byte_rows
 from endosdk.training.networks.photometric import brightness, moments, step
 from endosdk.training.networks.surroundings import Surroundings
 
@@ -182,7 +182,7 @@ class Fast(StereoNetwork):
         """Take the step that the pictures ask for where it is to be believed, add what edges tell, and rectify."""
         assert coarse.hints is not None and coarse.step is not None
         step_wanted, *surfaces = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
-        correction, belief, *gates = self.refinement(coarse.context, coarse.hints).chunk(4, dim=1)
+        correction, belief, *gates = self.refinement(coarse.context, coarse.hints)
         doubt = torch.log(correction.detach().abs().amax(dim=1, keepdim=True) + 0.05)
         rough = self.on_answer_grid(coarse.disparity)
         change = F.pixel_shuffle(correction + torch.sigmoid(belief) * step_wanted, FINE)
@@ -217,6 +217,7 @@ class Fast(StereoNetwork):
         form.hint_unit = WIDE_UNIT
         with torch.no_grad():
             form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
         return form
 
 
@@ -322,9 +323,14 @@ class Refinement(nn.Module):
         with torch.no_grad():
             self.last.bias.copy_(torch.tensor(start).repeat_interleave(FINE**2))  # type: ignore[union-attr]
 
-    def forward(self, view: Tensor, hints: Tensor) -> Tensor:
+    def forward(self, view: Tensor, hints: Tensor) -> tuple[Tensor, ...]:
         """Map features and hints [N, C, h, w] to the outputs, FINE^2 channels each."""
-        out: Tensor = self.last(self.layers(self.view(view, added=self.hints(hints))))
+        outputs: tuple[Tensor, ...] = torch.split(self.last(self.seen(view, hints)), FINE**2, dim=1)
+        return outputs
+
+    def seen(self, view: Tensor, hints: Tensor) -> Tensor:
+        """Map features and hints to what the outputs are read from, [N, refine, h, w]."""
+        out: Tensor = self.layers(self.view(view, added=self.hints(hints)))
         return out
 
 

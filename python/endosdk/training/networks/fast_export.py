@@ -18,7 +18,7 @@ from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmi
 from endosdk.training.networks.photometric import brightness
 
 if TYPE_CHECKING:
-    from endosdk.training.networks.fast import PlaneLayers
+    from endosdk.training.networks.fast import PlaneLayers, Refinement
 
 PAIR = 2  # planes that are computed together
 
@@ -127,6 +127,36 @@ class PairedLayers(nn.Module):
         found = soft_argmin_of_planes(cost, self.planes, self.order, self.mode_reach)
         maps = (value.reshape(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
         return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps)), None
+
+
+class CorrectionApart(nn.Module):
+    """A refinement whose first output, the correction of ``channels`` channels, has a layer of its own.
+
+    The correction counts in hundredths of a pixel, the others are logits of up to twenty: with one 8-bit scale for all,
+    the correction would come in steps of an eighth of a pixel. Alone it is too thin for 8 bits, and stays in floats.
+    """
+
+    def __init__(self, refinement: Refinement, channels: int) -> None:
+        super().__init__()
+        self.refinement, self.channels = refinement, channels
+        last = refinement.last
+        self.correction = _outputs_of(last, slice(0, channels))
+        self.others = _outputs_of(last, slice(channels, last.out_channels))
+
+    def forward(self, view: Tensor, hints: Tensor) -> tuple[Tensor, ...]:
+        """Map what the refinement reads to what it gives."""
+        seen = self.refinement.seen(view, hints)
+        return self.correction(seen), *torch.split(self.others(seen), self.channels, dim=1)
+
+
+def _outputs_of(conv: nn.Conv2d, outputs: slice) -> nn.Conv2d:
+    """Make the 3 x 3 convolution that gives these outputs alone."""
+    assert conv.bias is not None
+    part = nn.Conv2d(conv.in_channels, outputs.stop - outputs.start, 3, padding=1)
+    with torch.no_grad():
+        part.weight.copy_(conv.weight[outputs])
+        part.bias.copy_(conv.bias[outputs])  # type: ignore[union-attr]
+    return part
 
 
 def _over_pairs(conv: nn.Conv2d) -> nn.Conv2d:
