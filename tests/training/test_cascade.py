@@ -7,6 +7,7 @@ from torch import nn
 from endosdk.errors import InvalidArgument
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
+from endosdk.training.networks.fast import CELL, DISPARITY_HINT
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import quantize_model
 from tests.training.exported_networks import export_into, shaken
@@ -27,11 +28,39 @@ def test_the_first_stage_searches_half_the_range_on_half_the_picture():
     assert network.first.candidates == (*range(0, 24, 4), *range(24, 40, 8))
     assert network.candidates == (*range(0, 48, 8), *range(48, 80, 16)) and network.max_candidate_disparity == 64
     left, right = views(64, 128)
-    halves = [F.avg_pool2d(view, 2) for view in (left, right)]
+    seen = []
+    network.first.register_forward_hook(lambda _, inputs, found: seen.append((inputs, found)))
     with torch.no_grad():
-        found = shaken(network)(left, right, refined=False).disparities[0]
-        alone = network.first(*halves).disparities[-1]
-    torch.testing.assert_close(found, 2.0 * F.interpolate(alone, scale_factor=2.0, mode="bilinear"))
+        shaken(network)(left, right)
+    ((halves, _),) = seen
+    for half, view in zip(halves, (left, right), strict=True):
+        torch.testing.assert_close(half, F.avg_pool2d(view, 2))
+
+
+def test_the_second_look_starts_from_the_answer_to_the_first():
+    network = cascade().eval()
+    start = torch.tensor([0.0, -50.0, -50.0, -50.0]).repeat_interleave(4)  # adds nothing to what was found
+    found = []
+    network.first.register_forward_hook(lambda _, inputs, prediction: found.append(2.0 * prediction.disparities[-1]))
+    with torch.no_grad():
+        for nearer in (0.0, 8.0):
+            network.earlier.last.bias.copy_(start + torch.tensor([nearer, 0.0, 0.0, 0.0]).repeat_interleave(4))
+            left, right = views(64, 128)
+            coarse = network.coarse(left, right)
+            smooth = F.avg_pool2d(network.on_answer_grid(found[-1]), 2)
+            torch.testing.assert_close(coarse.disparity, smooth + nearer, atol=1e-4, rtol=0)
+            hint = coarse.hints[:, DISPARITY_HINT : DISPARITY_HINT + 1]
+            torch.testing.assert_close(hint, coarse.disparity / CELL)
+
+
+def test_weights_of_one_look_answer_both_alike():
+    one = {name: value for name, value in shaken(cascade()).state_dict().items() if not name.startswith("earlier.")}
+    network = cascade()
+    network.load_state_dict(network.adapted(one, RANGE, 48))
+    state = network.state_dict()
+    for name in one:
+        if name.startswith("refinement."):
+            assert torch.equal(state["earlier." + name.removeprefix("refinement.")], one[name]), name
 
 
 def test_it_starts_with_the_first_answer_and_can_take_a_surface_nearby():
@@ -64,7 +93,9 @@ def test_only_the_second_stage_learns():
     before = {name: value.clone() for name, value in network.first.state_dict().items()}
     network(*views(64, 128)).disparities[-1].mean().backward()
     assert all(parameter.grad is None for parameter in network.first.parameters())
-    assert network.refinement.last.bias.grad is not None and network.stem.conv.weight.grad is not None
+    for part in (network.earlier, network.refinement):
+        assert part.last.bias.grad is not None
+    assert network.stem.conv.weight.grad is not None
     for name, value in network.first.state_dict().items():
         assert torch.equal(value, before[name]), name
 
@@ -103,8 +134,8 @@ def test_both_stages_run_in_integers(exported_cascade, tmp_path):
     assert (correction, gates) == (onnx.TensorProto.FLOAT, onnx.TensorProto.INT8)
     wide = [node for node in graph.node if node.op_type == "Conv" and node.input[1] in weights]
     floats = [conv for conv in wide if weights[conv.input[1]].dims[0] >= 16]
-    # As in `Fast`, one layer in each stage reads disparities beside what was seen at them.
-    assert [makers[conv.input[0]].op_type for conv in floats] == ["Concat"] * 2
+    # As in `Fast`, one layer of each refinement reads disparities beside what was seen at them.
+    assert [makers[conv.input[0]].op_type for conv in floats] == ["Concat"] * 3
 
 
 @pytest.mark.parametrize("value", [0, -16, 72])

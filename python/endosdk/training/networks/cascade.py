@@ -1,14 +1,16 @@
-"""`Fast` on the halved frame, then a second look at the frame's own width.
+"""`Fast` on the halved frame, then two looks at the frame's own width.
 
 The first stage has the range and the surroundings at a quarter of the cost. What it leaves open are fractions of a
 pixel and a few pixels around edges. The second stage compares the views at the disparity found, and at the nearest and
 farthest one of the neighbourhood: across an edge, the right answer is one of these. A refinement like that of `Fast`
-decides between them. No volume is searched at the full width, so twice the width costs a constant, whatever the range.
+decides between them. Then it looks at its answer once more in the same way. No volume is searched at the full width,
+so twice the width costs a constant, whatever the range.
 """
 
 from __future__ import annotations
 
 import copy
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -45,11 +47,20 @@ from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, ove
 from endosdk.training.networks.photometric import brightness, moments, step
 
 FIRST = "first."  # prefix of the names of the first stage's weights
+EARLIER, REFINEMENT = "earlier.", "refinement."  # likewise, of what answers the first and the second look
 HALVED = 2  # pixels of the frame per pixel that the first stage sees
 
 
+class Look(NamedTuple):
+    """What the views say at a disparity, on the coarse grid."""
+
+    hints: Tensor  # [N, HINTS, h, w]
+    steps: Tensor  # [N, FINE^2 + 2, h, w], px: what the pictures ask for, the nearest and the farthest surface around
+    spread: Tensor  # [N, 2, h, w], as `photometric.Step`
+
+
 class Cascade(StereoNetwork):
-    """`Fast` at half the width, comparison of the pictures at the frame's own, refinement at 1/4, answer at 1/2."""
+    """`Fast` at half the width, two comparisons at the frame's own with a refinement at 1/4 each, answer at 1/2."""
 
     name = "cascade"
     input_multiple = HALVED * Fast.input_multiple
@@ -80,6 +91,7 @@ class Cascade(StereoNetwork):
         self.pixels = Colours()
         self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
+        self.earlier = Refinement(shape, HINTS, START)  # whose answer the refinement looks at anew
         self.refinement = Refinement(shape, HINTS, START)
         self.refine_margin = shape.refine_margin(self.input_multiple)
         self.confidence = ConfidenceHead(channels=8, clues=HINTS - 1)
@@ -92,7 +104,7 @@ class Cascade(StereoNetwork):
     def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
         """Return weights of a `Cascade`, or those of a `Fast` with a second stage as it is now."""
         if any(name.startswith(FIRST) for name in weights):
-            weights = self.with_clues(weights)
+            weights = self.with_clues(with_earlier(weights))
             first = {name.removeprefix(FIRST): value for name, value in weights.items() if name.startswith(FIRST)}
             first = self.first.with_surfaces(self.first.with_clues(first))
             return weights | {FIRST + name: value for name, value in first.items()}
@@ -107,7 +119,7 @@ class Cascade(StereoNetwork):
         return self
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
-        """Let the first stage answer on the halved views, and compare the views there and at its neighbours."""
+        """Let the first stage answer on the halved views, answer that anew, and compare the views at that answer."""
         pairs = left.shape[0]
         views = torch.cat([left, right])
         values, bright = self.pixels(left, views)
@@ -116,40 +128,51 @@ class Cascade(StereoNetwork):
             found = self.first(halves[:pairs], halves[pairs:])
             disparity = found.disparities[-1].to(torch.float32) * HALVED
         evidence = F.interpolate(found.evidence, scale_factor=2.0, mode="nearest")
-        compared = moments(bright[:pairs], bright[pairs:], disparity, STRIDE)
+        context = self.features(self.stem(values))
+        seen = self._look(bright[:pairs], bright[pairs:], disparity)
+        answer, _ = self._choose(self.earlier(context, seen.hints), disparity, seen.steps)
+        disparity = F.avg_pool2d(answer, FINE)
+        seen = self._look(bright[:pairs], bright[pairs:], disparity.detach())
+        return Coarse(disparity, torch.cat([evidence, seen.spread], dim=1), context, seen.hints, seen.steps)
+
+    def refine(self, coarse: Coarse) -> Prediction:
+        """Choose between the surface found, the nearest and the farthest around, and add what the pictures ask for."""
+        assert coarse.hints is not None and coarse.step is not None
+        answer, correction = self._choose(self.refinement(coarse.context, coarse.hints), coarse.disparity, coarse.step)
+        # On the coarse grid, like all other evidence.
+        doubt = torch.log(F.max_pool2d(correction.detach().abs(), FINE) + 0.05)
+        clues = torch.cat([coarse.hints[:, :DISPARITY_HINT], coarse.hints[:, DISPARITY_HINT + 1 :]], dim=1)
+        evidence = torch.cat([coarse.evidence, doubt], dim=1)
+        return Prediction([self.on_answer_grid(coarse.disparity), answer], evidence, clues=clues.detach())
+
+    def _look(self, left: Tensor, right: Tensor, disparity: Tensor) -> Look:
+        """Compare the brightness of both views at a disparity [N, 1, h, w], px, and at its neighbours'."""
+        compared = moments(left, right, disparity, STRIDE)
         cells = F.avg_pool2d(compared, FINE)
         fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
         shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
         hints = [shuffled, small.step, small.texture, large.step, disparity / (CELL * self.hint_unit)]
         surfaces = surfaces_around(disparity)
         for other in surfaces:
-            hints += surface_hints(bright[:pairs], bright[pairs:], other, disparity)
-        evidence = torch.cat([evidence, small.spread], dim=1)
-        context = self.features(self.stem(values))
+            hints += surface_hints(left, right, other, disparity)
         steps = torch.cat([shuffled[:, : FINE**2], *surfaces], dim=1)
-        return Coarse(disparity, evidence, context, torch.cat(hints, dim=1), steps)
+        return Look(torch.cat(hints, dim=1), steps, small.spread)
 
-    def refine(self, coarse: Coarse) -> Prediction:
-        """Choose between the surface found, the nearest and the farthest around, and add what the pictures ask for."""
-        assert coarse.hints is not None and coarse.step is not None
-        step_wanted, near, far = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
-        outputs = self.refinement(coarse.context, coarse.hints)
+    def _choose(self, outputs: tuple[Tensor, ...], disparity: Tensor, steps: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the answer, and the part of it that is neither a surface nor a step, on the grid of the answer."""
+        step_wanted, near, far = torch.split(steps, [FINE**2, 1, 1], dim=1)
         correction, belief, to_near, to_far = (F.pixel_shuffle(part, FINE) for part in outputs)
-        # On the coarse grid, like all other evidence.
-        doubt = torch.log(F.max_pool2d(correction.detach().abs(), FINE) + 0.05)
-        rough = self.on_answer_grid(coarse.disparity)
+        rough = self.on_answer_grid(disparity)
         near, far = (F.interpolate(part, scale_factor=float(FINE), mode="nearest") for part in (near, far))
         change = correction + torch.sigmoid(belief) * F.pixel_shuffle(step_wanted, FINE)
         change = change + torch.sigmoid(to_near) * (near - rough) + torch.sigmoid(to_far) * (far - rough)
-        clues = torch.cat([coarse.hints[:, :DISPARITY_HINT], coarse.hints[:, DISPARITY_HINT + 1 :]], dim=1)
-        evidence = torch.cat([coarse.evidence, doubt], dim=1)
-        return Prediction([rough, torch.relu(rough + change)], evidence, clues=clues.detach())
+        return torch.relu(rough + change), correction
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layers on."""
         form = copy.deepcopy(self).eval()
         form.first = self.first.export_form()  # type: ignore[assignment]
-        for part in (form.stem, form.features, form.refinement):
+        for part in (form.stem, form.features, form.earlier, form.refinement):
             fold_batch_norm(part)
         stem = form.stem
         fold_colour_scaling(stem.conv)
@@ -159,9 +182,19 @@ class Cascade(StereoNetwork):
         # As in `Fast`: the disparity in a unit in which it is about as large as the other hints.
         form.hint_unit = WIDE_UNIT
         with torch.no_grad():
-            form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+            for refinement in (form.earlier, form.refinement):
+                refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        form.earlier = CorrectionApart(form.earlier, FINE**2)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
         return form
+
+
+def with_earlier(weights: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Return weights from before the views were looked at twice with the same refinement for both looks."""
+    if any(name.startswith(EARLIER) for name in weights):
+        return weights
+    names = [name for name in weights if name.startswith(REFINEMENT)]
+    return weights | {name.replace(REFINEMENT, EARLIER, 1): weights[name] for name in names}
 
 
 class Colours(nn.Module):
