@@ -42,7 +42,9 @@ def export_into(folder: Path, name: str) -> Exported:
     network = shaken(build_network(name, max_disparity=80 if name == "cascade" else 40))
     with torch.no_grad():
         weights = network.confidence.weights
-        weights.copy_(torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1])[: len(weights)])
+        weights.copy_(
+            torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1, 0.1, -0.1, 0.1])[: len(weights)]
+        )
     exported = Exported(network, folder / f"{name}.onnx", ModelDescription(name, "3", training={"recipe": "none"}))
     export_model(network, exported.path, exported.info)
     return exported

@@ -28,6 +28,7 @@ from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.fast import (
     CELL,
     DISPARITY_HINT,
+    EVIDENCE,
     FINE,
     HINTS,
     LARGE,
@@ -39,15 +40,18 @@ from endosdk.training.networks.fast import (
     Fast,
     Refinement,
     Shape,
+    log_largest,
     surface_hints,
     surfaces_around,
     unshuffled,
+    with_change,
 )
 from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, over_byte_rows
 from endosdk.training.networks.photometric import brightness, moments, step
 
 FIRST = "first."  # prefix of the names of the first stage's weights
 EARLIER, REFINEMENT = "earlier.", "refinement."  # likewise, of what answers the first and the second look
+FITTED = "confidence.weights"
 HALVED = 2  # pixels of the frame per pixel that the first stage sees
 
 
@@ -94,7 +98,7 @@ class Cascade(StereoNetwork):
         self.earlier = Refinement(shape, HINTS, START)  # whose answer the refinement looks at anew
         self.refinement = Refinement(shape, HINTS, START)
         self.refine_margin = shape.refine_margin(self.input_multiple)
-        self.confidence = ConfidenceHead(channels=8, clues=HINTS - 1)
+        self.confidence = ConfidenceHead(channels=EVIDENCE + 2 + 3, clues=HINTS - 1)
 
     @property
     def max_candidate_disparity(self) -> int:
@@ -104,13 +108,26 @@ class Cascade(StereoNetwork):
     def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
         """Return weights of a `Cascade`, or those of a `Fast` with a second stage as it is now."""
         if any(name.startswith(FIRST) for name in weights):
-            weights = self.with_clues(with_earlier(weights))
+            weights = self.with_earlier(self.with_clues(weights))
             first = {name.removeprefix(FIRST): value for name, value in weights.items() if name.startswith(FIRST)}
-            first = self.first.with_surfaces(self.first.with_clues(first))
+            first = self.first.with_surfaces(with_change(self.first.with_clues(first)))
             return weights | {FIRST + name: value for name, value in first.items()}
         own = {name: value for name, value in self.state_dict().items() if not name.startswith(FIRST)}
         first = self.first.adapted(weights, max_disparity, dense_disparity)
         return own | {FIRST + name: value for name, value in first.items()}
+
+    def with_earlier(self, weights: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Return weights from before the views were looked at twice, with the same refinement for both looks.
+
+        What was fitted to the answers of one look says nothing of those of two: the confidence has to be fitted anew.
+        """
+        if not any(name.startswith(EARLIER) for name in weights):
+            names = [name for name in weights if name.startswith(REFINEMENT)]
+            weights = weights | {name.replace(REFINEMENT, EARLIER, 1): weights[name] for name in names}
+        if weights[FITTED].shape == self.state_dict()[FITTED].shape:
+            return weights
+        part = FITTED.partition(".")[0]
+        return weights | {name: value for name, value in self.state_dict().items() if name.startswith(part)}
 
     def train(self, mode: bool = True) -> Cascade:
         """Set the second stage to train; the first keeps its statistics."""
@@ -131,19 +148,21 @@ class Cascade(StereoNetwork):
         context = self.features(self.stem(values))
         seen = self._look(bright[:pairs], bright[pairs:], disparity)
         answer, _ = self._choose(self.earlier(context, seen.hints), disparity, seen.steps)
-        disparity = F.avg_pool2d(answer, FINE)
+        before, disparity = disparity, F.avg_pool2d(answer, FINE)
         seen = self._look(bright[:pairs], bright[pairs:], disparity.detach())
-        return Coarse(disparity, torch.cat([evidence, seen.spread], dim=1), context, seen.hints, seen.steps)
+        evidence = torch.cat([evidence, seen.spread, log_largest(disparity - before)], dim=1)
+        return Coarse(disparity, evidence, context, seen.hints, seen.steps)
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Choose between the surface found, the nearest and the farthest around, and add what the pictures ask for."""
         assert coarse.hints is not None and coarse.step is not None
         answer, correction = self._choose(self.refinement(coarse.context, coarse.hints), coarse.disparity, coarse.step)
+        rough = self.on_answer_grid(coarse.disparity)
         # On the coarse grid, like all other evidence.
-        doubt = torch.log(F.max_pool2d(correction.detach().abs(), FINE) + 0.05)
+        doubts = [log_largest(F.max_pool2d(change.abs(), FINE)) for change in (correction, answer - rough)]
         clues = torch.cat([coarse.hints[:, :DISPARITY_HINT], coarse.hints[:, DISPARITY_HINT + 1 :]], dim=1)
-        evidence = torch.cat([coarse.evidence, doubt], dim=1)
-        return Prediction([self.on_answer_grid(coarse.disparity), answer], evidence, clues=clues.detach())
+        evidence = torch.cat([coarse.evidence, *doubts], dim=1)
+        return Prediction([rough, answer], evidence, clues=clues.detach())
 
     def _look(self, left: Tensor, right: Tensor, disparity: Tensor) -> Look:
         """Compare the brightness of both views at a disparity [N, 1, h, w], px, and at its neighbours'."""
@@ -187,14 +206,6 @@ class Cascade(StereoNetwork):
         form.earlier = CorrectionApart(form.earlier, FINE**2)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
         return form
-
-
-def with_earlier(weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Return weights from before the views were looked at twice with the same refinement for both looks."""
-    if any(name.startswith(EARLIER) for name in weights):
-        return weights
-    names = [name for name in weights if name.startswith(REFINEMENT)]
-    return weights | {name.replace(REFINEMENT, EARLIER, 1): weights[name] for name in names}
 
 
 class Colours(nn.Module):

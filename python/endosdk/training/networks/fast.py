@@ -46,6 +46,7 @@ SURFACE_UNIT = 16.0  # px; in this unit differences of disparities are about as 
 START = 0.0, 1.0, -3.0, -3.0
 WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the other hints
 NEARBY = 5, 13  # cells, along each axis, within which the confidence looks for jumps of the disparity
+EVIDENCE = 6  # channels of evidence
 CLUES = HINTS - 1 + 2 + len(NEARBY)  # channels that the confidence reads besides its evidence
 # Weights that were narrower before the refinement knew the surfaces around, and along which axis.
 GROWN = {
@@ -116,7 +117,7 @@ class Fast(StereoNetwork):
         self.aggregation = PlaneLayers(shape, self.planes, mode_reach)
         self.refinement = Refinement(shape, HINTS, START)
         self.refine_margin = shape.refine_margin(self.input_multiple)
-        self.confidence = ConfidenceHead(channels=5, clues=CLUES)
+        self.confidence = ConfidenceHead(channels=EVIDENCE, clues=CLUES)
 
     @property
     def max_candidate_disparity(self) -> int:
@@ -129,7 +130,7 @@ class Fast(StereoNetwork):
         Only the surroundings know the planes apart: each plane takes the weights of the nearest of the other network.
         Weights from before there were surroundings, or clues for the confidence, get some that correct nothing.
         """
-        weights = self.with_surfaces(self.with_clues(weights))
+        weights = self.with_surfaces(with_change(self.with_clues(weights)))
         part = "aggregation.surroundings."
         if not any(name.startswith(part) for name in weights):
             own = {name: value for name, value in self.state_dict().items() if name.startswith(part)}
@@ -183,7 +184,6 @@ class Fast(StereoNetwork):
         assert coarse.hints is not None and coarse.step is not None
         step_wanted, *surfaces = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
         correction, belief, *gates = self.refinement(coarse.context, coarse.hints)
-        doubt = torch.log(correction.detach().abs().amax(dim=1, keepdim=True) + 0.05)
         rough = self.on_answer_grid(coarse.disparity)
         change = F.pixel_shuffle(correction + torch.sigmoid(belief) * step_wanted, FINE)
         for gate, surface in zip(gates, surfaces, strict=True):
@@ -195,8 +195,9 @@ class Fast(StereoNetwork):
             *surface_clues(coarse.disparity.detach() / (CELL * WIDE_UNIT)),
             hints[:, DISPARITY_HINT + 1 :],
         ]
+        doubts = [log_largest(correction), log_largest(F.max_pool2d(change.abs(), FINE))]
         maps = [rough, torch.relu(rough + change)]
-        return Prediction(maps, torch.cat([coarse.evidence, doubt], dim=1), clues=torch.cat(clues, dim=1))
+        return Prediction(maps, torch.cat([coarse.evidence, *doubts], dim=1), clues=torch.cat(clues, dim=1))
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
@@ -332,6 +333,24 @@ class Refinement(nn.Module):
         """Map features and hints to what the outputs are read from, [N, refine, h, w]."""
         out: Tensor = self.layers(self.view(view, added=self.hints(hints)))
         return out
+
+
+def log_largest(change: Tensor) -> Tensor:
+    """Return the logarithm [N, 1, h, w] of the largest change [N, C, h, w], px, within each cell."""
+    return torch.log(change.detach().abs().amax(dim=1, keepdim=True) + 0.05)
+
+
+def with_change(weights: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Return weights from before the last channel of evidence, the change, with a confidence that ignores it."""
+    part = "confidence.weights"
+    if len(weights[part]) == 1 + EVIDENCE + 1:
+        return weights
+    grown = {part: torch.cat([weights[part][:EVIDENCE], torch.zeros(1), weights[part][EVIDENCE:]])}
+    for name, value in (("mean", 0.0), ("spread", 1.0), ("mix.weight", 0.0)):
+        name = f"confidence.surveyor.{name}"
+        before, after = torch.tensor_split(weights[name], [EVIDENCE - 1], dim=1)
+        grown[name] = torch.cat([before, torch.full_like(before[:, :1], value), after], dim=1)
+    return weights | grown
 
 
 def surfaces_around(disparity: Tensor) -> list[Tensor]:
