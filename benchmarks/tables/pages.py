@@ -87,7 +87,7 @@ TABLES: dict[str, Callable[[], str]] = {
 }
 TABLES |= {f"errors:{name}": partial(errors_table, name) for name in CARDS}
 TABLES |= {f"trust:{name}": partial(trust_table, name) for name in ("fast", "accurate")}
-TABLES |= {f"short-trust:{name}": partial(card_trust_table, name) for name in ("fast", "accurate")}
+TABLES |= {f"short-trust:{name}": partial(card_trust_table, name) for name in ("fast", "fast-320", "accurate")}
 TABLES |= {f"range:{name}": partial(range_table, name) for name in CARDS}
 TABLES |= {f"speed:{name}": partial(card_speed_table, name) for name in CARDS}
 TABLES |= page_tables(RESULTS, SOURCES / "docs" / "paper")
