@@ -88,10 +88,8 @@ void bind_providers(py::module_& m) {
         "Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor.");
   m.def("parse_provider_options", &parse_provider_options, py::arg("texts"),
         "Keys and values of texts of the form key=value.");
-  m.def("check_provider_options", &check_provider_options, py::arg("provider"), py::arg("options"),
-        "Refuse an empty key, a key that stands twice, and any option of the processor.");
-  m.def("with_exact_floats", &with_exact_floats, py::arg("provider"), py::arg("options"),
-        "Add what makes a provider compute in whole 32-bit floats, unless the options say otherwise.");
+  m.def("checked_provider_options", &checked_provider_options, py::arg("provider"), py::arg("options"),
+        "The options of a provider, with whole 32-bit floats unless they say otherwise; wrong ones are refused.");
   m.def("check_placement", &check_placement, py::arg("provider"), py::arg("placement"),
         "Refuse a placement in which the provider does not compute the model.");
 }

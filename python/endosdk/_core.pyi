@@ -80,11 +80,8 @@ def full_provider_name(name: str) -> str:
 def parse_provider_options(texts: list[str]) -> list[tuple[str, str]]:
     """Return keys and values of texts of the form key=value."""
 
-def check_provider_options(provider: str, options: list[tuple[str, str]]) -> None:
-    """Refuse an empty key, a key that stands twice, and any option of the processor."""
-
-def with_exact_floats(provider: str, options: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Add what makes a provider compute in whole 32-bit floats, unless the options say otherwise."""
+def checked_provider_options(provider: str, options: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return the options of a provider, with whole 32-bit floats unless they say otherwise; wrong ones are refused."""
 
 def check_placement(provider: str, placement: dict[str, dict[str, int]]) -> None:
     """Refuse a placement, operations and their counts by provider, in which the provider does not compute the model."""

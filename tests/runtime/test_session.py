@@ -186,12 +186,12 @@ def test_provider_options_as_text():
     with pytest.raises(errors.InvalidArgument, match="key=value"):
         _core.parse_provider_options(["device_id"])
     with pytest.raises(errors.InvalidArgument, match="a key once"):
-        _core.check_provider_options("cuda", [("device_id", "0"), ("device_id", "1")])
+        _core.checked_provider_options("cuda", [("device_id", "0"), ("device_id", "1")])
 
 
 def test_cuda_rounds_floats_only_where_asked_to():
     """Rounded to 10 bits, what a convolution multiplies moves disparities where two planes are nearly equal."""
-    assert _core.with_exact_floats("cuda", [("device_id", "1")]) == [("device_id", "1"), ("use_tf32", "0")]
+    assert checked_options("cuda", {"device_id": 1}) == {"device_id": "1", "use_tf32": "0"}
     assert checked_options("CUDAExecutionProvider", None) == {"use_tf32": "0"}
     assert checked_options("cuda", {"use_tf32": 1}) == {"use_tf32": "1"}
     assert checked_options("openvino", {"device_type": "CPU"}) == {"device_type": "CPU"}
@@ -201,9 +201,9 @@ def test_cuda_rounds_floats_only_where_asked_to():
 @pytest.mark.parametrize("key", ["enable_cuda_graph", "trt_cuda_graph_enable", "enableGraphCapture"])
 def test_recorded_graphs_are_refused(key):
     """They would answer every frame as the one that was recorded."""
-    _core.check_provider_options("cuda", [(key, "0")])
+    _core.checked_provider_options("cuda", [(key, "0")])
     with pytest.raises(errors.InvalidArgument, match=f"must not record graphs.*'{key}=1'"):
-        _core.check_provider_options("cuda", [(key, "1")])
+        _core.checked_provider_options("cuda", [(key, "1")])
 
 
 def test_missing_runtime_names_the_extra():

@@ -73,10 +73,7 @@ void check_numbers(const endo_options& o) {
 ProviderOptions provider_options(const endo_options& o) {
   std::vector<std::string> texts;
   for (const char* const* text = o.provider_options; text != nullptr && *text != nullptr; ++text) texts.emplace_back(*text);
-  ProviderOptions options = parse_provider_options(texts);
-  const std::string provider = o.provider != nullptr ? o.provider : cpu_provider;
-  check_provider_options(provider, options);
-  return with_exact_floats(provider, std::move(options));
+  return checked_provider_options(o.provider != nullptr ? o.provider : cpu_provider, parse_provider_options(texts));
 }
 
 std::optional<Size> network_size(const endo_options& o) {

@@ -26,6 +26,18 @@ constexpr const char* rounded_floats = "use_tf32";
 
 std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
+void check(const std::string& provider, const ProviderOptions& options) {
+  std::set<std::string> seen;
+  for (const auto& [key, value] : options) {
+    require(!key.empty(), argument, "must have a key before the '='", in_quotes("=" + value));
+    require(seen.insert(key).second, argument, "must give a key once", in_quotes(key));
+    require(!is_recording(key, value), argument, "must not record graphs, which would answer every frame as the recorded one",
+            in_quotes(key + "=" + value));
+  }
+  require(options.empty() || provider != cpu_provider, argument, "must be empty for the processor, which takes none",
+          options.empty() ? "" : in_quotes(options.front().first));
+}
+
 }  // namespace
 
 ProviderOptions parse_provider_options(const std::vector<std::string>& texts) {
@@ -38,22 +50,12 @@ ProviderOptions parse_provider_options(const std::vector<std::string>& texts) {
   return options;
 }
 
-void check_provider_options(const std::string& provider, const ProviderOptions& options) {
-  std::set<std::string> seen;
-  for (const auto& [key, value] : options) {
-    require(!key.empty(), argument, "must have a key before the '='", in_quotes("=" + value));
-    require(seen.insert(key).second, argument, "must give a key once", in_quotes(key));
-    require(!is_recording(key, value), argument, "must not record graphs, which would answer every frame as the recorded one",
-            in_quotes(key + "=" + value));
-  }
-  require(options.empty() || full_provider_name(provider) != cpu_provider, argument,
-          "must be empty for the processor, which takes none", options.empty() ? "" : in_quotes(options.front().first));
-}
-
-ProviderOptions with_exact_floats(const std::string& provider, ProviderOptions options) {
+ProviderOptions checked_provider_options(const std::string& provider, ProviderOptions options) {
+  const std::string name = full_provider_name(provider);
+  check(name, options);
   const auto chosen = [](const auto& option) { return option.first == rounded_floats; };
   const bool free = std::none_of(options.begin(), options.end(), chosen);
-  if (free && full_provider_name(provider) == cuda_provider) options.emplace_back(rounded_floats, "0");
+  if (free && name == cuda_provider) options.emplace_back(rounded_floats, "0");
   return options;
 }
 

@@ -300,9 +300,7 @@ def checked_options(provider: str, options: Mapping[str, str | int] | None) -> d
     for key, value in options.items():
         if not isinstance(key, str) or not isinstance(value, str | int):
             raise InvalidArgument("provider_options", "must map texts to texts or whole numbers", f"{key!r}: {value!r}")
-    texts = {key: str(value) for key, value in options.items()}
-    _core.check_provider_options(name, list(texts.items()))
-    return dict(_core.with_exact_floats(name, list(texts.items())))
+    return dict(_core.checked_provider_options(name, [(key, str(value)) for key, value in options.items()]))
 
 
 def _placement(session: Any) -> dict[str, dict[str, int]]:
