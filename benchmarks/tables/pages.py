@@ -29,6 +29,7 @@ from benchmarks.tables.speed import (
     speed_table,
 )
 from benchmarks.tables.trust import (
+    TRUST_PAGE,
     card_trust_table,
     causes_table,
     fault_naming_table,
@@ -86,7 +87,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "versions": versions_table,
 }
 TABLES |= {f"errors:{name}": partial(errors_table, name) for name in CARDS}
-TABLES |= {f"trust:{name}": partial(trust_table, name) for name in ("fast", "accurate")}
+TABLES |= {f"trust:{name}": partial(trust_table, name) for name in TRUST_PAGE}
 TABLES |= {f"short-trust:{name}": partial(card_trust_table, name) for name in ("fast", "fast-320", "accurate")}
 TABLES |= {f"range:{name}": partial(range_table, name) for name in CARDS}
 TABLES |= {f"speed:{name}": partial(card_speed_table, name) for name in CARDS}
