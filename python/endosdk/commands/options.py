@@ -129,8 +129,8 @@ def add_processes(parser: argparse.ArgumentParser) -> None:
 
 def session_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return what `add_session` added as arguments of `DepthEstimator`."""
-    options = _core.parse_provider_options(args.provider_option or [])
-    _core.check_provider_options(args.provider, options)
+    asked = _core.parse_provider_options(args.provider_option or [])
+    options = _core.checked_provider_options(args.provider, asked)
     return {
         "provider": args.provider,
         "provider_options": dict(options) or None,
