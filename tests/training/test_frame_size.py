@@ -91,7 +91,7 @@ def test_maps_come_back_at_the_size_of_the_frame():
     reader = noise(101, 963)
     (frame,) = predict_frames(network, reader, [0])
     assert all(found.shape == (101, 963) for found in frame.maps)
-    assert frame.columns.shape == (6, 101, 963)
+    assert frame.columns.shape == (7, 101, 963)
     # What the network answers at the width that it sees is less than what the frame's pixels say, by the reduction.
     size = seen_size(963, 101, 480)
     assert frame.reduction == 963 / 480
