@@ -129,8 +129,8 @@ def add_processes(parser: argparse.ArgumentParser) -> None:
 
 def session_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return what `add_session` added as arguments of `DepthEstimator`."""
-    asked = _core.parse_provider_options(args.provider_option or [])
-    options = _core.checked_provider_options(args.provider, asked)
+    options = _core.parse_provider_options(args.provider_option or [])
+    _core.checked_provider_options(args.provider, options)  # only here a key that stands twice is still seen
     return {
         "provider": args.provider,
         "provider_options": dict(options) or None,
