@@ -11,7 +11,7 @@ from tests.conftest import ROOT, TINY_MODEL
 
 # Each step is tried with more and more memory until it is done, in one process: what failed must not be spoilt.
 PROGRAM = f"""
-import resource, sys
+import os, resource, sys, time
 from pathlib import Path
 from endosdk import DepthEstimator
 from endosdk.errors import EndoError
@@ -25,6 +25,13 @@ estimators = []
 
 def opened():
     estimators.append(DepthEstimator(model, threads=2))
+
+def settle():
+    # A thread of ONNX Runtime that begins once the memory is gone ends the process (RES-2): all must sleep before.
+    def awake(task):
+        return (task / "stat").read_text().rpartition(")")[2].split()[0] != "S"
+    while any(awake(task) for task in Path("/proc/self/task").iterdir() if int(task.name) != os.getpid()):
+        time.sleep(0.01)
 
 def in_use():
     return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -53,6 +60,7 @@ for name, step in steps.items():
         break
     if name in ("open", wanted == "predict" and "prepare"):
         step()
+settle()
 # First less than is in use: a thread that ends meanwhile gives back its stack.
 for kilobytes in (-256 * 1024, 0, 256, *(1024 * megabytes for megabytes in (*range(1, 24), *range(24, 1024, 16)))):
     said = tried(steps[wanted], kilobytes << 10)
