@@ -80,7 +80,7 @@ def steadiness(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def overhead(_: argparse.Namespace) -> list[dict[str, Any]]:
-    """A frame of the library against its parts called directly, in turns."""
+    """A frame of the C library against its frame path called directly, in turns."""
     build = built("release")
     program = build / "cpp" / "tests" / "library" / "library_overhead"
     results = []

@@ -239,7 +239,8 @@ int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
     in.pattern = {pattern[0], pattern[1], pattern[2], pattern[3], pattern[4], true};
   }
   const py::gil_scoped_release release;
-  return postprocess(in, maps);
+  thread_local PostprocessScratch scratch;  // kept from call to call, as a frame path keeps its own
+  return postprocess(in, maps, scratch);
 }
 
 // One frame through a temporal filter; disparity is filtered in place.

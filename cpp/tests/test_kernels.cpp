@@ -110,7 +110,8 @@ void test_postprocess(int h, int w, int height, int width) {
     out.reasons = reasons.get();
     out.depth = depth.get();
     out.sigma = sigma.get();
-    const int usable = postprocess(in, out);
+    PostprocessScratch scratch;
+    const int usable = postprocess(in, out, scratch);
     int counted = 0;
     for (int i = 0; i < height * width; ++i) {
       const size_t at = static_cast<size_t>(i);

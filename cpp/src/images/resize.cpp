@@ -70,13 +70,12 @@ void resize_bilinear(const FloatView& source, const MutableFloatView& out, Scale
   check_grid(source, "src");
   check_grid({out.data, out.width, out.height}, "out");
   check_scale(scale, gain);
-  thread_local RowResizer resizer;
-  RowResizer& shared = resizer;  // the caller's, also inside the workers
-  shared.prepare(source.width, source.height, out.width, scale);
+  RowResizer resizer;
+  resizer.prepare(source.width, source.height, out.width, scale);
   const auto resize_rows = [&](int begin, int end, int worker) {
-    for (int y = begin; y < end; ++y) shared.row(source, y, gain, worker, out.row(y));
+    for (int y = begin; y < end; ++y) resizer.row(source, y, gain, worker, out.row(y));
   };
-  parallel_for(out.height, rows_per_block, resize_rows, shared.workers());
+  parallel_for(out.height, rows_per_block, resize_rows, resizer.workers());
 }
 
 }  // namespace endosdk

@@ -101,11 +101,6 @@ DepthRow row_of(const PostprocessInput& in, const MapsOut& out, int y) {
 
 }  // namespace
 
-int postprocess(const PostprocessInput& input, const MapsOut& maps) {
-  thread_local PostprocessScratch scratch;
-  return postprocess(input, maps, scratch);
-}
-
 int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch) {
   check(input, maps);
   const bool has_view = input.left.data != nullptr;

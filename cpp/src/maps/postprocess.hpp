@@ -76,7 +76,4 @@ struct PostprocessScratch {
 // The 16-bit maps are written by write_u16().
 int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch);
 
-// The same with scratch memory of the calling thread.
-int postprocess(const PostprocessInput& input, const MapsOut& maps);
-
 }  // namespace endosdk

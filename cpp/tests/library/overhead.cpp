@@ -1,79 +1,47 @@
-// What a frame costs beyond its parts: the library's call against the runtime and the kernels called directly, turn by
-// turn. Prints medians as JSON.
+// What a frame of the C library costs beyond its frame path: endo_predict against FramePath::predict, turn by turn. Ends
+// with an error unless both give the same bytes. Prints medians as JSON.
 //
 //     library_overhead RUNTIME MODEL WIDTH HEIGHT FRAMES THREADS
 #include <algorithm>
 #include <chrono>
-#include <limits>
 
-#include "frame_path/network_size.hpp"
-#include "maps/postprocess.hpp"
-#include "geometry/rig.hpp"
 #include "frame_path/frame_path.hpp"
 #include "library/ort_session.hpp"
 #include "support.hpp"
-#include "platform/threads.hpp"
 
 namespace {
 
 using namespace endosdk;
-using Clock = std::chrono::steady_clock;
 
-// The frame path, written out without the library around it.
-class Bare {
- public:
-  Bare(const Places& at, const endo_calibration& numbers, Size frame, int threads)
-      : rig_(numbers),
-        session_(Runtime::open(at.runtime, "", {}), std::make_shared<const ModelFile>(read_model(at.model, {})),
-                 {"cpu", {}, threads, true}, {}),
-        picture_(network_size_of(frame, session_.model().inference_width)),
-        rectifier_(rig_.rectifier(rig_.geometry().scaled(picture_), Border::fading)),
-        full_(rig_.rectifier(rig_.geometry(), Border::fading)),
-        buffers_(picture_, session_.model()),
-        run_(session_.bind(buffers_)) {}
+// The frame path without the C interface around it.
+std::shared_ptr<FramePath> frame_path(const Places& at, const endo_calibration& rig, int threads) {
+  SessionSettings session;
+  session.threads = threads;
+  FramePathSettings settings;
+  settings.threads = threads;
+  auto model = std::make_shared<const ModelFile>(read_model(at.model, {}));
+  auto path = std::make_shared<FramePath>(
+      std::make_shared<OrtStereoSession>(Runtime::open(at.runtime, "", {}), std::move(model), session, Log{}), settings);
+  path->set_calibration(Rig(rig));
+  return path;
+}
 
-  void predict(const Pair& pair, Output& out) {
-    const ImageView left = {pair.left.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
-    const ImageView right = {pair.right.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
-    rectifier_.rectify(left, right, buffers_.left(), buffers_.right(), ChannelOrder::rgb, scratch_);
-    (*run_)();
-    const int stride = session_.model().output_stride;
-    const RectifiedGeometry& g = rig_.geometry();
-    const MutableFloatView disparity = buffers_.disparity();
-    const MutableFloatView confidence = buffers_.confidence();
-    PostprocessInput in;
-    in.size = {pair.width, pair.height};
-    in.disparity = {disparity.data, disparity.width, disparity.height};
-    in.confidence = {confidence.data, confidence.width, confidence.height};
-    in.view_scale = {static_cast<double>(picture_.height) / pair.height, static_cast<double>(picture_.width) / pair.width};
-    in.scale = {in.view_scale.y / stride, in.view_scale.x / stride};
-    in.gain = static_cast<float>(static_cast<double>(pair.width) / picture_.width);
-    in.min_confidence = 0.3f;
-    in.max_candidate_disparity = session_.model().max_candidate_disparity;
-    in.left = buffers_.left();
-    in.right = buffers_.right();
-    in.valid_left = full_.valid_left().data();
-    in.valid_right = full_.valid_right().data();
-    in.geometry = {g.focal_px(), g.baseline_mm(), g.doffs(), 0.0, std::numeric_limits<double>::infinity()};
-    MapsOut maps;
-    maps.disparity = out.disparity.data();
-    maps.confidence = out.confidence.data();
-    maps.depth = out.depth.data();
-    maps.sigma = out.sigma.data();
-    maps.reasons = out.reasons.data();
-    postprocess(in, maps);
-  }
+FramePair views(const Pair& pair) {
+  const auto view = [&](const std::vector<uint8_t>& pixels) {
+    return ImageView{pixels.data(), pair.width, pair.height, 3, ptrdiff_t{3} * pair.width};
+  };
+  return {view(pair.left), view(pair.right), ChannelOrder::rgb};
+}
 
- private:
-  Rig rig_;
-  OrtStereoSession session_;
-  Size picture_;  // as the network sees the frame
-  Rectifier rectifier_;
-  RectifyScratch scratch_;
-  Rectifier full_;  // for the masks, which have the frame's size
-  SessionBuffers buffers_;
-  std::unique_ptr<Session::Run> run_;
-};
+MapsOut maps(Output& out) {
+  MapsOut wanted;
+  wanted.disparity = out.disparity.data();
+  wanted.confidence = out.confidence.data();
+  wanted.depth = out.depth.data();
+  wanted.sigma = out.sigma.data();
+  wanted.reasons = out.reasons.data();
+  return wanted;
+}
 
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -81,10 +49,10 @@ double median(std::vector<double> values) {
 }
 
 template <typename Call>
-double milliseconds(const Call& call) {
+double time_of(const Call& call) {
   const Clock::time_point start = Clock::now();
   call();
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  return milliseconds(start, Clock::now());
 }
 
 }  // namespace
@@ -102,35 +70,35 @@ int main(int argc, char** argv) {
   const Opened estimator(at, options);
   const endo_calibration rig = raw_rig(width, height);
   CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
-  Bare bare(at, rig, {width, height}, threads);
-  set_thread_count(threads);  // of the parts' kernels; the estimator's are its own
+  const std::shared_ptr<FramePath> path = frame_path(at, rig, threads);
   const Pair pair(width, height, 9);
-  Output ours(pixels, true);
-  ours.result.disparity_u16 = ours.result.depth_u16 = nullptr;  // more than the parts do
-  Output parts(pixels, true);
+  Output of_library(pixels, true);
+  of_library.result.disparity_u16 = of_library.result.depth_u16 = nullptr;  // the maps of Python
+  Output of_path(pixels, true);
   std::vector<double> library_ms;
-  std::vector<double> parts_ms;
+  std::vector<double> path_ms;
   std::vector<double> ratios;
   for (int i = -3; i < frames; ++i) {
     double with = 0.0;
     double without = 0.0;
-    const auto run_library = [&] { with = milliseconds([&] { CHECK(estimator.predict(pair, ours) == ENDO_OK); }); };
-    const auto run_parts = [&] { without = milliseconds([&] { bare.predict(pair, parts); }); };
+    const auto run_library = [&] { with = time_of([&] { CHECK(estimator.predict(pair, of_library) == ENDO_OK); }); };
+    const auto run_path = [&] { without = time_of([&] { path->predict(views(pair), maps(of_path)); }); };
     // In turns, so that neither always finds the caches as the other left them.
     if (i % 2 == 0) {
       run_library();
-      run_parts();
+      run_path();
     } else {
-      run_parts();
+      run_path();
       run_library();
     }
     if (i < 0) continue;
     library_ms.push_back(with);
-    parts_ms.push_back(without);
+    path_ms.push_back(without);
     ratios.push_back(with / without);
   }
-  CHECK(ours.disparity == parts.disparity && ours.reasons == parts.reasons);
-  std::printf("{\"width\": %d, \"height\": %d, \"frames\": %d, \"threads\": %d, \"library_ms\": %.3f, \"parts_ms\": %.3f, "
-              "\"median_ratio\": %.4f}\n",
-              width, height, frames, threads, median(library_ms), median(parts_ms), median(ratios));
+  CHECK(of_library.disparity == of_path.disparity && of_library.confidence == of_path.confidence);
+  CHECK(of_library.reasons == of_path.reasons);
+  std::printf("{\"width\": %d, \"height\": %d, \"frames\": %d, \"threads\": %d, \"library_ms\": %.3f, "
+              "\"frame_path_ms\": %.3f, \"median_ratio\": %.4f}\n",
+              width, height, frames, threads, median(library_ms), median(path_ms), median(ratios));
 }
