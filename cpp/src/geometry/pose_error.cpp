@@ -17,7 +17,7 @@ constexpr double baseline_prior = 0.01;
 constexpr int least_measurements = 100;
 constexpr int least_blocks = 6;
 constexpr int rounds = 3;           // of reweighting
-constexpr int most_sorted = 512;    // values that the scatter is taken from
+constexpr size_t most_sorted = 512;  // values that the scatter is taken from
 constexpr double least_scatter = 0.02;  // px
 constexpr double normal_law = 1.4826;   // standard deviations per median of the size
 constexpr double huber = 1.345;         // standard deviations; the usual choices
@@ -74,6 +74,7 @@ void PoseMeasurements::resize(int count) {
   rest_.resize(size);
   weight_.assign(size, 0.0f);
   block_.resize(size);
+  chosen_.reserve(most_sorted + 1);
   sorted_.reserve(most_sorted + 1);
 }
 
@@ -89,15 +90,23 @@ float PoseMeasurements::left_over(size_t i, const PoseVector& step) const {
   return rest;
 }
 
-// Robust standard deviation of what a step leaves; of a part of the measurements where there are many.
-double PoseMeasurements::scatter(const PoseVector& step) {
-  const auto measured = static_cast<size_t>(std::count_if(weight_.begin(), weight_.end(), [](float w) { return w > 0.0f; }));
+// Of many measurements, every so many.
+void PoseMeasurements::choose(size_t measured) {
   const size_t every = measured / most_sorted + 1;
-  sorted_.clear();
+  chosen_.clear();
+  size_t next = 0;
   size_t seen = 0;
-  for (size_t i = 0; i < rest_.size(); ++i) {
-    if (weight_[i] > 0.0f && seen++ % every == 0) sorted_.push_back(std::abs(left_over(i, step)));
+  for (size_t i = 0; i < weight_.size(); ++i) {
+    if (!(weight_[i] > 0.0f) || seen++ != next) continue;
+    chosen_.push_back(i);
+    next += every;
   }
+}
+
+// Robust standard deviation of what a step leaves.
+double PoseMeasurements::scatter(const PoseVector& step) {
+  sorted_.clear();
+  for (const size_t i : chosen_) sorted_.push_back(std::abs(left_over(i, step)));
   return std::max(normal_law * static_cast<double>(median(sorted_)), least_scatter);
 }
 
@@ -123,12 +132,14 @@ void PoseMeasurements::add_up(const PoseVector& step, Robust robust, double limi
 }
 
 bool PoseMeasurements::refine(PoseVector& value) {
-  if (std::count_if(weight_.begin(), weight_.end(), [](float w) { return w > 0.0f; }) < least_measurements) return false;
+  const auto measured = std::count_if(weight_.begin(), weight_.end(), [](float w) { return w > 0.0f; });
+  if (measured < least_measurements) return false;
   std::array<bool, pose_blocks> seen{};
   for (size_t i = 0; i < weight_.size(); ++i) {
     if (weight_[i] > 0.0f) seen[static_cast<size_t>(block_[i])] = true;
   }
   if (std::count(seen.begin(), seen.end(), true) < least_blocks) return false;
+  choose(static_cast<size_t>(measured));
   PoseVector step{};
   const PoseVector pull = priors(value);
   const PoseVector prior = priors({1.0, 1.0, 1.0, 1.0, 1.0});

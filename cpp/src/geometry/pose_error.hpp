@@ -87,6 +87,7 @@ class PoseMeasurements {
   void finish(PoseError& error) const;
 
  private:
+  void choose(size_t measured);
   double scatter(const PoseVector& step);
   void add_up(const PoseVector& step, Robust robust, double limit, PoseMatrix& normal, PoseVector& side) const;
   float left_over(size_t i, const PoseVector& step) const;
@@ -95,6 +96,7 @@ class PoseMeasurements {
   std::vector<float> rest_;
   std::vector<float> weight_;
   std::vector<int> block_;
+  std::vector<size_t> chosen_;  // what the scatter is taken from
   std::vector<float> sorted_;
   PoseVector step_{};
   PoseMatrix normal_{};
