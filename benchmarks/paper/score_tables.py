@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from benchmarks.methods.classical import SEARCHED
 from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PROTOCOLS, SEEDS, size
 from benchmarks.paper.paper_records import NOT_RECORDED, PaperRecords, given, label_of
 from benchmarks.paper.verdicts import NOT_MEASURED
@@ -12,7 +13,6 @@ from benchmarks.tables.markdown import percent, table
 from endosdk.training.config import TrainConfig
 
 GIVEN = ["samples seen", "training pairs", "TMAC", "hours", "precision", "seed"]
-SEARCHES = {"paper/sgbm_search": "the present one", "history/paper/sgbm_search": "an earlier one"}
 PARTS = {
     "edges": "depth edges",
     "occluded": "occluded",
@@ -144,22 +144,23 @@ def runs_table(records: PaperRecords) -> str:
 
 def search_table(records: PaperRecords) -> str:
     """Where the settings of StereoSGBM come from."""
+    search = records.read("paper/sgbm_search")
+    methods = records.table.get("methods", {})
     rows = []
     for name in ("sgbm", "sgbm-hh"):
-        row = records.table.get("methods", {}).get(name)
-        if row is None:
+        form = search.get("forms", {}).get(name, {})
+        if name not in methods:
             continue
-        for record, search in SEARCHES.items():
-            found = records.read(record)
-            form = found.get("forms", {}).get(name, found)
-            if form.get("best") == row["settings"]:
-                data = found["data"]
-                pairs = f"{len(found['pairs'])} of the {data['split']} split of {data['name']}"
-                rows.append([LABELS[name], search, str(len(form["tried"])), pairs])
-                break
+        if form.get("best") == methods[name]["settings"]:
+            data = search["data"]
+            pairs = f"{len(search['pairs'])} of the {data['split']} split of {data['name']}"
+            best = ", ".join(
+                f"{key.replace('_', ' ')} {value}" for key, value in form["best"].items() if key in SEARCHED
+            )
+            rows.append([LABELS[name], str(len(form["tried"])), pairs, best])
         else:
             rows.append([LABELS[name], NOT_RECORDED, "", ""])
-    return _table(["method", "search", "settings tried", "pairs"], rows)
+    return _table(["method", "settings tried", "pairs", "best"], rows)
 
 
 def learned_table(records: PaperRecords) -> str:

@@ -178,14 +178,15 @@ def test_the_origin_of_settings_is_named(tmp_path, table1):
     write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": methods})
     assert [line[1] for line in cells(tmp_path, "search")[2:]] == ["not recorded"] * 2
     data = {"name": "gi", "split": "train", "sha256": 64 * "3"}
-    earlier = {"best": methods["sgbm-hh"]["settings"], "tried": [1], "pairs": ["1"], "data": data}
-    write_json(tmp_path / "history" / "paper" / "sgbm_search.json", earlier)
-    methods["sgbm"]["settings"] = {"block_size": 11}
+    methods["sgbm"]["settings"] = {"block_size": 11, "eight_paths": False}
     write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": methods})
-    forms = {"sgbm": {"best": {"block_size": 11}, "tried": [1, 2]}, "sgbm-hh": {"best": {}, "tried": [1, 2, 3]}}
+    forms = {
+        "sgbm": {"best": methods["sgbm"]["settings"], "tried": [1, 2]},
+        "sgbm-hh": {"best": {}, "tried": [1, 2, 3]},
+    }
     search = {"forms": forms, "pairs": [str(i) for i in range(20)], "data": data}
     write_json(tmp_path / "paper" / "sgbm_search.json", search)
     assert [line[1:] for line in cells(tmp_path, "search")[2:]] == [
-        ["the present one", "2", "20 of the train split of gi |"],
-        ["an earlier one", "1", "1 of the train split of gi |"],
+        ["2", "20 of the train split of gi", "block size 11 |"],
+        ["not recorded", "", "|"],
     ]
