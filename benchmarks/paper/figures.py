@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 from PIL import Image
 
 from benchmarks.methods.kept_patchmatch import kept_match
@@ -77,6 +78,9 @@ def draw_curves(rows: dict[str, dict[str, Any]], title: str, measure: str, file:
         )
         colours.setdefault(first, line.get_color())
     axes.set(xlabel="epoch", ylabel=CURVES[measure], yscale="log", title=title)
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2, 4, 6, 8)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     # Beside the axes: curves are everywhere within.
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=9)
     axes.grid(alpha=0.3, which="both")
