@@ -189,7 +189,7 @@ def _with_seeds(name: str, rows: Rows) -> list[dict[str, Any]]:
 
 
 def _said(values: list[float]) -> str:
-    return ", ".join(f"{value:.3f}" for value in values)
+    return ", ".join(f"{value:.3f}" if value >= 0.1 else f"{value:.3g}" for value in values)
 
 
 def _stopped(row: dict[str, Any]) -> str:
