@@ -29,7 +29,10 @@ def opened():
 def settle():
     # A thread of ONNX Runtime that begins once the memory is gone ends the process (RES-2): all must sleep before.
     def awake(task):
-        return (task / "stat").read_text().rpartition(")")[2].split()[0] != "S"
+        try:
+            return (task / "stat").read_text().rpartition(")")[2].split()[0] != "S"
+        except (FileNotFoundError, ProcessLookupError):
+            return False  # it has ended meanwhile
     while any(awake(task) for task in Path("/proc/self/task").iterdir() if int(task.name) != os.getpid()):
         time.sleep(0.01)
 

@@ -16,7 +16,7 @@ constexpr double baseline_prior = 0.01;
 
 constexpr int least_measurements = 100;
 constexpr int least_blocks = 6;
-constexpr int rounds = 3;           // of reweighting
+constexpr int rounds = 3;            // of reweighting
 constexpr size_t most_sorted = 512;  // values that the scatter is taken from
 constexpr double least_scatter = 0.02;  // px
 constexpr double normal_law = 1.4826;   // standard deviations per median of the size
@@ -90,7 +90,7 @@ float PoseMeasurements::left_over(size_t i, const PoseVector& step) const {
   return rest;
 }
 
-// Of many measurements, every so many.
+// Which of many measurements the scatter is taken from: every so many. Once a fit, whose rounds share them.
 void PoseMeasurements::choose(size_t measured) {
   const size_t every = measured / most_sorted + 1;
   chosen_.clear();
