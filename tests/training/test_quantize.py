@@ -10,7 +10,8 @@ from onnx import numpy_helper
 
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import parse_metadata, shipped_models
-from endosdk.training.quantize import LEAST_CHANNELS, describe_quantised, quantize_model, unsaturated_steps
+from endosdk.training.integer_steps import LEAST_CHANNELS, unsaturated_steps
+from endosdk.training.quantize import describe_quantised, quantize_model
 from tests.training.one_frame import OneFrame
 from tests.training.warped_scenes import warped_pair
 

@@ -15,6 +15,8 @@ from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, Pro
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks import build_network
+from endosdk.training.networks.blocks import EXACT, ConvNorm
+from endosdk.training.rounding import rounded_weights
 from endosdk.training.sets import split_pairs
 from endosdk.training.train import Run, bf16_pays, train
 from endosdk.training.validation import mean_errors, pad_to_multiple
@@ -55,6 +57,19 @@ def test_the_papers_network_learns_to_match(dataset_root, tmp_path):
     after = mean_errors(checkpoint.load(run).build(), reader, range(2), refined=True)
     assert after["epe_refined"] < 0.5 * min(before, constant_guess)
     assert after["epe_coarse"] < 0.5 * constant_guess
+
+
+def test_a_quantised_run_rounds_and_keeps_its_weights_exact(dataset_root, tmp_path):
+    runs = {name: settings(dataset_root, steps=2, quantised=name == "quantised") for name in ("exact", "quantised")}
+    for name, config in runs.items():
+        train(config, tmp_path / name)
+    exact, quantised = (checkpoint.load(tmp_path / name) for name in runs)
+    assert quantised.config.quantised
+    assert exact.network.keys() == quantised.network.keys()
+    assert not torch.equal(exact.network["stem.conv.weight"], quantised.network["stem.conv.weight"])
+    whole = quantised.network["stem.conv.weight"] / rounded_weights(quantised.network["stem.conv.weight"])
+    assert (whole - 1).abs().max() > 1e-3  # kept as they were learned, not as they were rounded
+    assert all(module.numbers is EXACT for module in quantised.build().modules() if isinstance(module, ConvNorm))
 
 
 def test_a_resumed_run_equals_one_that_never_stopped(dataset_root, tmp_path):

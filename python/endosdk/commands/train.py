@@ -95,6 +95,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"augmentations with faults of real endoscopes: {', '.join(LOOKS)} (default: none)",
     )
+    parser.add_argument(
+        "--quantised",
+        action="store_true",
+        default=None,
+        help="quantisation-aware: round weights and activations as the 8-bit model does",
+    )
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="no augmentation")
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text + _default(name))
@@ -135,5 +141,5 @@ def _shown(value: Any) -> str:
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
-    names = ("data", "network", "crop", "refine_crop", "refine_only", "augment", "looks", *_SETTINGS)
+    names = ("data", "network", "crop", "refine_crop", "refine_only", "augment", "looks", "quantised", *_SETTINGS)
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}

@@ -84,6 +84,7 @@ class TrainConfig:
     balance: float = 0.5  # of the scale-invariant loss: 0 squares in log space, 1 ignores a common factor
     volume_weight: float = 0.0  # of the cross-entropy of the volume that fast searches
     coarse_weight: float = 0.5  # of the coarse map's loss once the refined map is trained too
+    quantised: bool = False  # layers compute with the 8-bit numbers of the deployed form, see `rounding`
     # The last map is taken as it is deployed: at this output stride, upsampled. None: the network's own.
     output_stride: int | None = None
 

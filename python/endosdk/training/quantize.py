@@ -24,14 +24,11 @@ from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.io.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
+from endosdk.training.integer_steps import LEAST_CHANNELS, convolution_steps, unsaturated_steps
 from endosdk.training.model_file import write_model
 
-LEAST_CHANNELS = 12  # channels from which a convolution is quicker in integers
 # Operators that only move values, between a convolution and the addition or the product that reads its result.
 MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose", "Gather")
-# Without VNNI a processor multiplies two neighbouring values by their weights and adds the products in 16 bits, which
-# hold 255 times 128. One less, because either weight may be rounded up.
-PAIR_SUM = 127
 PREFIX = "endosdk."
 
 Names = dict[str, onnx.NodeProto]
@@ -163,26 +160,12 @@ def _weight_steps(graph: onnx.GraphProto, nodes: Sequence[str]) -> dict[str, lis
             continue
         values = numpy_helper.to_array(weights[node.input[1]])
         if node.op_type == "Conv":
-            # Runtimes take the values under a kernel cell by cell, all channels of a cell together.
-            steps, place = unsaturated_steps(np.moveaxis(values, 1, -1)), {"axis": 0}
+            steps, place = convolution_steps(values), {"axis": 0}
         else:
             steps, place = unsaturated_steps(values.T).max(keepdims=True), {}
         chosen[node.input[1]] = [{"scale": step, "zero_point": np.array(0, np.int8)} for step in steps]
         chosen[node.input[1]][0] |= place
     return chosen
-
-
-def unsaturated_steps(weights: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Choose the 8-bit step of each row of weights [rows, ...] so that no sum of two products exceeds 16 bits.
-
-    A step is at least a 127th of the largest weight, and so large that of every two weights that a processor without
-    VNNI multiplies together, those of one sign come to at most 128 steps.
-    """
-    rows = weights.reshape(len(weights), -1)
-    pairs = np.pad(rows, ((0, 0), (0, rows.shape[1] % 2))).reshape(len(rows), -1, 2)
-    sums = [np.maximum(sign * pairs, 0).sum(axis=2).max(axis=1) for sign in (1, -1)]
-    largest = np.maximum(*sums) / PAIR_SUM  # no weight exceeds the sum of its pair
-    return np.where(largest > 0, largest, 1).astype(np.float32)
 
 
 def _sources(name: str, makers: Names) -> set[str | None]:

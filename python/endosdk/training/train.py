@@ -33,6 +33,7 @@ from endosdk.training.loss import build_loss, volume_cross_entropy
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks.base import Prediction, StereoNetwork, Window
 from endosdk.training.optimisers import build_optimiser
+from endosdk.training.rounding import round_to_bytes
 from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.survey import MOST_CROPS, teach_surveyor
 from endosdk.training.upsampling import on_input_grid
@@ -93,6 +94,8 @@ class Run:
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
         saved = self._restore(resume)
         channels_last(self.network.to(self.device))
+        if config.quantised:
+            round_to_bytes(self.network)
         self.optimiser = build_optimiser(self.network, config)
         if saved is not None and resume:
             checkpoint.restore_optimiser(self.optimiser, saved.optimiser)

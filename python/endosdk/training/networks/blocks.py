@@ -9,6 +9,22 @@ from torch import Tensor, nn
 from endosdk.errors import InvalidArgument
 
 
+class Numbers:
+    """What a block computes with: exact numbers, or what a subclass makes of them."""
+
+    def convolved(self, conv: nn.Module, x: Tensor) -> Tensor:
+        """Return ``conv`` of ``x``."""
+        out: Tensor = conv(x)
+        return out
+
+    def value(self, name: str, x: Tensor) -> Tensor:
+        """Return the activations ``x``; ``name`` says which of the block's."""
+        return x
+
+
+EXACT = Numbers()
+
+
 class ConvNorm(nn.Module):
     """Convolution, batch norm, leaky rectifier; ``residual`` adds the input before the rectifier.
 
@@ -37,17 +53,18 @@ class ConvNorm(nn.Module):
         self.norm: nn.Module = norm(outputs)
         self.activation: nn.Module = nn.LeakyReLU(slope) if slope else nn.ReLU()
         self.residual = residual
+        self.numbers = EXACT
         nn.init.kaiming_normal_(self.conv.weight, a=slope)
 
     def forward(self, x: Tensor, added: Tensor | None = None) -> Tensor:
         """Apply the layer to [N, inputs, ...]; ``added`` joins before the rectifier."""
-        y: Tensor = self.norm(self.conv(F.pad(x, self.uneven) if self.uneven else x))
+        numbers = self.numbers
+        y: Tensor = self.norm(numbers.convolved(self.conv, F.pad(x, self.uneven) if self.uneven else x))
         if self.residual:
             y = y + x
         if added is not None:
-            y = y + added
-        out: Tensor = self.activation(y)
-        return out
+            y = numbers.value("product", y) + numbers.value("added", added)
+        return numbers.value("out", self.activation(y))
 
 
 class ResidualPair(nn.Module):
