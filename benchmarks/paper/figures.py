@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
 from benchmarks.methods.kept_patchmatch import kept_match
@@ -28,6 +28,7 @@ CURVES = {
     "test_epe_in_range": "mean error on test pairs, truth in range, px",
 }
 DOTS_PER_INCH = 110
+MOST_LABELLED = 300.0  # ratio of the ends of an axis up to which its minor ticks have labels
 
 
 def draw_all(args: argparse.Namespace) -> list[Path]:
@@ -80,7 +81,11 @@ def draw_curves(rows: dict[str, dict[str, Any]], title: str, measure: str, file:
     axes.set(xlabel="epoch", ylabel=CURVES[measure], yscale="log", title=title)
     axes.yaxis.set_minor_locator(LogLocator(subs=(2, 4, 6, 8)))
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("{x:g}")
+    low, high = axes.get_ylim()
+    if high < MOST_LABELLED * low:  # over more, the labels would meet
+        axes.yaxis.set_minor_formatter("{x:g}")
+    else:
+        axes.yaxis.set_minor_formatter(NullFormatter())
     # Beside the axes: curves are everywhere within.
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=9)
     axes.grid(alpha=0.3, which="both")
