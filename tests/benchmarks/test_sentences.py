@@ -4,15 +4,31 @@ import re
 
 import pytest
 
-from benchmarks.tables import records
+from benchmarks.tables.records import SOURCES, read
 
 
-def of(name):
-    return records.read(name)
+def stated_as(form, name, *keys):
+    """Return what gives one number of a record, as the page writes it."""
+
+    def measured():
+        value = read(name)
+        for key in keys:
+            value = value[key]
+        return (form(value),)
+
+    return measured
 
 
-def stream_and_single_gain():
-    small, full = of("speed/fast-320"), of("speed/fast")
+def hundredths(value):
+    return f"{value:.2f}"
+
+
+def whole_percent(share):
+    return f"{100 * share:.0f}"
+
+
+def gains_of_fast_320():
+    small, full = read("speed/fast-320"), read("speed/fast")
     return f"{small['fps'] / full['fps']:.1f}", f"{small['stream_fps'] / full['stream_fps']:.1f}"
 
 
@@ -20,7 +36,7 @@ def kernel_gains():
     (rectify,), (resize,) = (
         [
             one["times_faster"][rival]
-            for one in of("speed/kernels")["results"]
+            for one in read("speed/kernels")["results"]
             if (one["kernel"], one["size"], one["threads"]) == (kernel, "960x720", 1)
         ]
         for kernel, rival in (("rectify", "opencv"), ("resize_depth", "numpy"))
@@ -30,7 +46,7 @@ def kernel_gains():
 
 def wider_margin():
     gains, losses = [], []
-    for model in of("accuracy/range_end")["models"].values():
+    for model in read("accuracy/range_end")["models"].values():
         half, whole = ({one["margin_px"]: one for one in model["margins"]}[margin] for margin in (0.5, 1.0))
         gains.append(100 * (whole["marked_of_surfaces_beyond"] - half["marked_of_surfaces_beyond"]))
         losses.append(whole["marked_of_right_answers"] / half["marked_of_right_answers"])
@@ -38,22 +54,22 @@ def wider_margin():
 
 
 def valid_of_real_pairs():
-    pairs = of("accuracy/photometric_consistency")["models"]["fast"]["real_pairs"]
+    pairs = read("accuracy/photometric_consistency")["models"]["fast"]["real_pairs"]
     shares = [one["valid_with"] for one in pairs.values()]
-    return f"{100 * min(shares):.0f}", f"{100 * max(shares):.0f}", f"{100 * pairs['hamlyn_phantom']['valid_with']:.0f}"
+    return whole_percent(min(shares)), whole_percent(max(shares)), whole_percent(pairs["hamlyn_phantom"]["valid_with"])
 
 
 def kept_of_swapped():
     kept = {
         name: [one["valid_with"] for one in model["real_swapped"].values() if one["valid_with"] > 0]
-        for name, model in of("accuracy/photometric_consistency")["models"].items()
+        for name, model in read("accuracy/photometric_consistency")["models"].items()
     }
     assert not kept["fast"] and not kept["wang2020"] and len(kept["accurate"]) == 1
-    return (f"{100 * kept['accurate'][0]:.0f}",)
+    return (whole_percent(kept["accurate"][0]),)
 
 
 def wrong_on_clean_pairs():
-    clean = [of("accuracy/trust")["models"][name]["cases"]["clean"] for name in ("fast", "accurate")]
+    clean = [read("accuracy/trust")["models"][name]["cases"]["clean"] for name in ("fast", "accurate")]
     shares = sorted(100 * one["wrong"] for one in clean)
     (valid,) = {f"{100 * one['wrong_of_valid']:.1f}" for one in clean}
     return f"{shares[0]:.1f}", f"{shares[1]:.1f}", valid
@@ -61,9 +77,9 @@ def wrong_on_clean_pairs():
 
 GAIN = r"(\d\.\d) times as fast, (\d\.\d) times in a stream"
 SENTENCES = [
-    ("README.md", GAIN, stream_and_single_gain),
-    ("CHANGELOG.md", GAIN, stream_and_single_gain),
-    ("models/fast-320.md", GAIN, stream_and_single_gain),
+    ("README.md", GAIN, gains_of_fast_320),
+    ("CHANGELOG.md", GAIN, gains_of_fast_320),
+    ("models/fast-320.md", GAIN, gains_of_fast_320),
     (
         "docs/numbers.md",
         r"rectification is (\S+) times as fast .* resizing with depth (\S+) times as fast",
@@ -72,22 +88,22 @@ SENTENCES = [
     (
         "docs/numbers.md",
         r"difference between `fast` and eight-path StereoSGBM is (\S+) px",
-        lambda: (f"{of('accuracy/real_pair')['difference_to_sgbm_hh_px']['median']:.2f}",),
+        stated_as(hundredths, "accuracy/real_pair", "difference_to_sgbm_hh_px", "median"),
     ),
     (
         "docs/numbers.md",
         r"median vertical disparity after rectification is (\S+) px",
-        lambda: (f"{of('accuracy/chessboard_rectification')['row_difference_px']['median']:.2f}",),
+        stated_as(hundredths, "accuracy/chessboard_rectification", "row_difference_px", "median"),
     ),
     (
         "docs/live.md",
         r"open page lowers the frame rate by (\S+) %",
-        lambda: (f"{100 * of('speed/viewer')['slowed_by']:.0f}",),
+        stated_as(whole_percent, "speed/viewer", "slowed_by"),
     ),
     (
         "docs/live.md",
         r"filter takes (\S+) % of the frame time",
-        lambda: (f"{100 * of('speed/temporal')['share_of_a_frame']:.0f}",),
+        stated_as(whole_percent, "speed/temporal", "share_of_a_frame"),
     ),
     (
         "docs/model-file.md",
@@ -110,7 +126,7 @@ SENTENCES = [
 
 @pytest.mark.parametrize(("page", "sentence", "measured"), SENTENCES)
 def test_sentences_state_what_was_measured(page, sentence, measured):
-    text = re.sub(r"\s+", " ", (records.SOURCES / page).read_text())
+    text = re.sub(r"\s+", " ", (SOURCES / page).read_text())
     stated = re.search(sentence, text)
     assert stated, "the sentence is gone"
     assert stated.groups() == measured()

@@ -99,7 +99,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--quantised",
         action="store_true",
         default=None,
-        help="quantisation-aware: round weights and activations as the 8-bit model does",
+        help="quantisation-aware: most layers round weights and activations as the 8-bit model does",
     )
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="no augmentation")
     for name, (kind, text) in _SETTINGS.items():

@@ -22,7 +22,8 @@ LEAST_STEP = 1e-8
 def round_to_bytes(network: nn.Module) -> None:
     """Let every block of a network that is deployed in 8 bits round its weights and activations, in place.
 
-    Batch norm scales the rows of the weights. Steps are those of rows, so that it changes no rounding.
+    What is no block stays exact: the features that are matched, the costs, and the last layer of each stage. Batch norm
+    scales the rows of the weights. Steps are those of rows, so that it changes no rounding.
     """
     for module in network.modules():
         if isinstance(module, ConvNorm) and module.conv.out_channels >= LEAST_CHANNELS:
@@ -30,7 +31,11 @@ def round_to_bytes(network: nn.Module) -> None:
 
 
 class Bytes(Numbers):
-    """Numbers of 8 bits: weights signed with a step per output, activations unsigned with a mean range."""
+    """Numbers of 8 bits: weights signed with a step per output, activations unsigned with a mean range.
+
+    Every batch moves the ranges, those of validation too: the first stage of a cascade never trains. They are no part
+    of a checkpoint, so a resumed run measures them anew.
+    """
 
     def __init__(self) -> None:
         self._ranges: dict[str, tuple[Tensor, Tensor]] = {}
