@@ -75,6 +75,11 @@ def wrong_on_clean_pairs():
     return f"{shares[0]:.1f}", f"{shares[1]:.1f}", valid
 
 
+def rates_with_avx2():
+    models = read("speed/avx2_only")["models"]
+    return tuple(f"{models[name]['AVX2 alone']['fps']:.0f}" for name in ("fast", "fast-320"))
+
+
 GAIN = r"(\d\.\d) times as fast, (\d\.\d) times in a stream"
 SENTENCES = [
     ("README.md", GAIN, gains_of_fast_320),
@@ -85,6 +90,7 @@ SENTENCES = [
         r"rectification is (\S+) times as fast .* resizing with depth (\S+) times as fast",
         kernel_gains,
     ),
+    ("docs/numbers.md", r"runs `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
     (
         "docs/numbers.md",
         r"difference between `fast` and eight-path StereoSGBM is (\S+) px",

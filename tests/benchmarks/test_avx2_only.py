@@ -1,0 +1,50 @@
+"""A process whose libraries are told of no AVX-512: dispatch takes the AVX2 way, and the answer stays right."""
+
+import shutil
+
+import pytest
+
+from benchmarks.speed.avx2_only import LIBRARIES, cpuid_offsets, library_file, measured, summary, without_avx512
+from endosdk.jobs.machine import instructions
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("gdb") is None, reason="needs gdb"),
+    pytest.mark.skipif("avx512f" not in instructions(), reason="needs a processor with AVX-512"),
+]
+SHARE = 0.05  # of the error: 8-bit sums without VNNI saturate at times
+
+
+class Settings:
+    threads, frames = 2, 50
+
+
+@pytest.fixture(scope="module")
+def offsets():
+    files = [library_file(module) for module in LIBRARIES]
+    return {file.name: cpuid_offsets(file) for file in files}
+
+
+def test_libraries_ask_the_processor(offsets):
+    assert all(offsets.values())
+
+
+def test_kernels_of_avx2_give_the_same_error(offsets):
+    hidden, plain = measured("fast", Settings, offsets), measured("fast", Settings, None)
+    assert (hidden["machine"]["kernels"], plain["machine"]["kernels"]) == ("avx2", "avx512")
+    assert hidden["epe_px"] == pytest.approx(plain["epe_px"], rel=SHARE)
+
+
+def test_a_command_that_fails_is_no_measurement(offsets):
+    with pytest.raises(RuntimeError, match="ended with 3"):
+        without_avx512(["-c", "raise SystemExit(3)"], offsets)
+    with pytest.raises(RuntimeError, match="never asked"):
+        without_avx512(["-c", "pass"], offsets)
+
+
+def test_runs_with_unlike_answers_are_refused():
+    run = {"machine": {"kernels": "avx2"}, "epe_px": 0.2, "fps": 1.0, "stream_fps": 1.0}
+    run["latency_ms"] = {"p50": 1.0, "p99": 2.0}
+    assert summary([run, {**run, "fps": 3.0}])["fps"] == 2.0
+    with pytest.raises(RuntimeError, match="unlike"):
+        summary([run, {**run, "epe_px": 0.3}])
