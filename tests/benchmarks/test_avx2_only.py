@@ -1,15 +1,25 @@
 """A process whose libraries are told of no AVX-512: dispatch takes the AVX2 way, and the answer stays right."""
 
 import shutil
+import subprocess
 
 import pytest
 
 from benchmarks.speed.avx2_only import LIBRARIES, cpuid_offsets, library_file, measured, summary, without_avx512
 from endosdk.jobs.machine import instructions
 
+
+def can_debug():
+    """Say whether there is a debugger, and whether the system lets it run a process."""
+    if any(shutil.which(tool) is None for tool in ("gdb", "objdump")):
+        return False
+    command = ["gdb", "-nx", "-batch", "-ex", "run", "-ex", "print $_exitcode", "--args", "true"]
+    return "= 0" in subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("gdb") is None, reason="needs gdb"),
+    pytest.mark.skipif(not can_debug(), reason="needs gdb, objdump, and leave to debug"),
     pytest.mark.skipif("avx512f" not in instructions(), reason="needs a processor with AVX-512"),
 ]
 SHARE = 0.05  # of the error: 8-bit sums without VNNI saturate at times
