@@ -82,10 +82,8 @@ def draw_curves(rows: dict[str, dict[str, Any]], title: str, measure: str, file:
     axes.yaxis.set_minor_locator(LogLocator(subs=(2, 4, 6, 8)))
     axes.yaxis.set_major_formatter("{x:g}")
     low, high = axes.get_ylim()
-    if high < MOST_LABELLED * low:  # over more, the labels would meet
-        axes.yaxis.set_minor_formatter("{x:g}")
-    else:
-        axes.yaxis.set_minor_formatter(NullFormatter())
+    # Over more, the labels would meet.
+    axes.yaxis.set_minor_formatter("{x:g}" if high < MOST_LABELLED * low else NullFormatter())
     # Beside the axes: curves are everywhere within.
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=9)
     axes.grid(alpha=0.3, which="both")

@@ -28,7 +28,7 @@ from endosdk.io.progress import progress
 LIBRARIES = ("onnxruntime.capi.onnxruntime_pybind11_state", "endosdk._core")
 SCRIPT = Path(__file__).with_name("hide_avx512.py")
 INSTRUCTION = re.compile(r"^\s*([0-9a-f]+):\s+cpuid", re.MULTILINE)
-# The C library asks for itself, and has a setting.
+# glibc asks on its own, and has a setting.
 ENVIRONMENT = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ,-AVX512CD"}
 
 
@@ -85,7 +85,8 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
         raise RuntimeError("runs of one kind gave unlike answers")
     latency = {name: statistics.median(run["latency_ms"][name] for run in runs) for name in ("p50", "p99")}
     rates = {name: statistics.median(run[name] for run in runs) for name in ("fps", "stream_fps")}
-    return {**rates, "latency_ms": latency, "epe_px": runs[0]["epe_px"], "kernels": runs[0]["machine"]["kernels"]}
+    kernels = runs[0]["machine"]["kernels"]
+    return {"size": runs[0]["size"], **rates, "latency_ms": latency, "epe_px": runs[0]["epe_px"], "kernels": kernels}
 
 
 def main() -> None:
@@ -117,7 +118,7 @@ def main() -> None:
     names = " ".join(arguments.models)
     command = f"python -m benchmarks.speed.avx2_only --models {names} --threads {arguments.threads}"
     command += f" --frames {arguments.frames} --turns {arguments.turns} --json {arguments.json}"
-    found = {"size": [960, 720], "threads": arguments.threads, "frames": arguments.frames, "models": models}
+    found = {"threads": arguments.threads, "frames": arguments.frames, "models": models}
     write_record(arguments.json, found, command=command, hashes={"model_sha256": hashes})
 
 
