@@ -50,12 +50,10 @@ class Answerer:
 
     def __init__(self, model: str) -> None:
         self.model = model
-        self.session = StereoSession(
-            read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False
-        )
+        self.session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2)
 
     def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> BothAnswers:
-        found = DepthEstimator(self.model, calibration=rig, threads=2, spinning=False).predict(left, right)
+        found = DepthEstimator(self.model, calibration=rig, threads=2).predict(left, right)
         seen = np.bitwise_and(found.reasons, Reason.OUTSIDE_OVERLAP) == 0  # masks of the lens, which both know
         return BothAnswers(found.disparity, self._valid_without(left, right, rig) & seen, found.reasons == 0)
 
@@ -64,7 +62,7 @@ class Answerer:
         height, width = left.shape[:2]
         info = self.session.info
         network = _core.network_size_of(width, height, info.inference_width or 0)
-        estimator = DepthEstimator(self.model, calibration=rig, network_size=network, threads=2, spinning=False)
+        estimator = DepthEstimator(self.model, calibration=rig, network_size=network, threads=2)
         estimator.predict(left, right)
         multiple = info.input_multiple
         buffers = self.session.buffers(padded(network[1], multiple), padded(network[0], multiple))

@@ -77,7 +77,7 @@ def share(holds: NDArray[np.bool_]) -> float | None:
 
 def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
     """All margins for one model."""
-    estimator = DepthEstimator(model, spinning=False)
+    estimator = DepthEstimator(model)
     max_candidate_disparity = estimator.model.max_candidate_disparity
     if max_candidate_disparity is None:
         raise SystemExit(f"{model} does not state its last plane")

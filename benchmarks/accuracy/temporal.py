@@ -132,7 +132,7 @@ def main() -> None:
     parser.add_argument("--model", default="fast")
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
-    estimator = DepthEstimator(args.model, threads=2, spinning=False)
+    estimator = DepthEstimator(args.model, threads=2)
     record: dict[str, Any] = {kind: {} for kind in KINDS}
     for kind, seed, frames in films(args):
         plain, steady = (answers(estimator, frames, temporal=on) for on in (False, True))

@@ -129,7 +129,7 @@ def _tally(model: str, samples: list[Sample], case: Case) -> Tally:
     rig = None
     if first.has_camera:
         rig = StereoCalibration.rectified(first.focal_px, first.baseline_mm, size, doffs=first.doffs)
-    with DepthEstimator(model, calibration=rig, threads=2, spinning=False) as estimator:
+    with DepthEstimator(model, calibration=rig, threads=2) as estimator:
         largest = estimator.largest_disparity(*size) or np.inf
         for sample in samples:
             spoilt = case.pair(sample)

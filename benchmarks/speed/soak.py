@@ -149,7 +149,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
     checkpoint = args.json.with_suffix(".npz")
-    estimator = DepthEstimator(args.model, threads=args.threads, spinning=False, deadline_ms=args.deadline_ms)
+    estimator = DepthEstimator(args.model, threads=args.threads, deadline_ms=args.deadline_ms)
     with busy(args.load, args.beside) as burden:
         tally, more = soak(estimator, args.deadline_ms, args.frames, checkpoint, burden)
     times = np.array(tally.times_ms)

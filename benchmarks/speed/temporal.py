@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
-    estimator = DepthEstimator(args.model, threads=args.threads, spinning=False)
+    estimator = DepthEstimator(args.model, threads=args.threads)
     times: dict[bool, list[float]] = {False: [], True: []}
     totals: list[float] = []
     flicker: dict[bool, float] = {}

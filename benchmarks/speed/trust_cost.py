@@ -78,7 +78,7 @@ def cases(model: str, threads: int) -> dict[str, Case]:
         "rig that has turned": ((left, right), rig.turned(TURN_DEG)),
     }
     return {
-        name: Case(pair, DepthEstimator(model, calibration=known, threads=threads, spinning=False))
+        name: Case(pair, DepthEstimator(model, calibration=known, threads=threads))
         for name, (pair, known) in found.items()
     }
 

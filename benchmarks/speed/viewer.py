@@ -98,7 +98,7 @@ def main() -> None:
     args = parser.parse_args()
     pair = read_frame(DATA / "demo" / "left.png"), read_frame(DATA / "demo" / "right.png")
     rig = StereoCalibration.load(DATA / "rig.json")
-    estimator = DepthEstimator(args.model, calibration=rig, threads=args.threads, spinning=False)
+    estimator = DepthEstimator(args.model, calibration=rig, threads=args.threads)
     expected = estimator.predict(*pair).disparity.copy()
     rates: dict[bool, list[float]] = {False: [], True: []}
     pictures = 0

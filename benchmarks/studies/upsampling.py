@@ -27,7 +27,7 @@ COLUMNS = ("epe_px", "kpe_1", "kpe_2", "kpe_3", "kpe_5")
 def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
     """Errors of both ways over the first ``pairs`` of a split."""
     estimator = DepthEstimator(model, threads=2)
-    session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2, spinning=False)
+    session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2)
     boards = {"bilinear": ScoreBoard(), "joint_bilateral": ScoreBoard()}
     for number in range(pairs):
         sample = reader[number]

@@ -80,6 +80,16 @@ def rates_with_avx2():
     return tuple(f"{models[name]['AVX2 alone']['fps']:.0f}" for name in ("fast", "fast-320"))
 
 
+def rates_beside_a_busy_process():
+    one = read("speed/spinning")["models"]["fast"]["1 busy processes"]
+    return tuple(f"{one[way]['fps']:.0f}" for way in ("sleeping", "polling"))
+
+
+def rates_of_accurate_alone():
+    alone = read("speed/spinning")["models"]["accurate"]["0 busy processes"]
+    return tuple(f"{alone[way]['fps']:.1f}" for way in ("sleeping", "polling"))
+
+
 GAIN = r"(\d\.\d) times as fast, (\d\.\d) times in a stream"
 SENTENCES = [
     ("README.md", GAIN, gains_of_fast_320),
@@ -91,6 +101,8 @@ SENTENCES = [
         kernel_gains,
     ),
     ("docs/numbers.md", r"runs `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
+    ("docs/real-time.md", r"`fast` runs at (\S+) FPS without and at (\S+) FPS with", rates_beside_a_busy_process),
+    ("docs/real-time.md", r"`accurate` runs at (\S+) FPS without and at (\S+) FPS with", rates_of_accurate_alone),
     (
         "docs/numbers.md",
         r"difference between `fast` and eight-path StereoSGBM is (\S+) px",

@@ -24,10 +24,10 @@ def resident_mb() -> float:
 
 def test_late_frames_are_marked_and_memory_stays_under_load():
     left, right = shifted_pair(64, 128, 7)
-    usual = DepthEstimator(TINY_MODEL, threads=1, spinning=False)
+    usual = DepthEstimator(TINY_MODEL, threads=1)
     times = [usual.predict(left, right).timings.total_ms for _ in range(WARM_UP)]
     deadline = 1.5 * float(np.median(times))
-    estimator = DepthEstimator(TINY_MODEL, threads=1, spinning=False, deadline_ms=deadline)
+    estimator = DepthEstimator(TINY_MODEL, threads=1, deadline_ms=deadline)
     result, seen, own, marked = None, [], [], []
     with burdened(2):
         for number in range(WARM_UP + FRAMES):

@@ -18,7 +18,6 @@ static_assert(sizeof(endo_options) >= first_options);
 endo_options default_options() {
   endo_options options{};
   options.struct_size = sizeof options;
-  options.spinning = 1;
   options.log_level = ENDO_LOG_WARNING;
   options.provider = "cpu";
   const FramePathSettings defaults;

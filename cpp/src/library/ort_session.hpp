@@ -19,7 +19,7 @@ struct SessionSettings {
   std::string provider = "cpu";  // short name or the runtime's own
   ProviderOptions provider_options;
   int threads = 1;
-  bool spinning = true;
+  bool spinning = false;
   ThreadHook thread_hook{};
 };
 

@@ -28,7 +28,6 @@ double milliseconds_since(Clock::time_point started) {
 endo_options settings(const Places& at, double deadline_ms) {
   endo_options options = default_options(at);
   options.threads = 2;
-  options.spinning = 0;
   options.deadline_ms = deadline_ms;
   options.log_level = ENDO_LOG_ERROR;
   return options;

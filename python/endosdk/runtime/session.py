@@ -118,7 +118,7 @@ class StereoSession:
         provider: str = "cpu",
         provider_options: Mapping[str, str | int] | None = None,
         threads: int = 0,
-        spinning: bool = True,
+        spinning: bool = False,
         runtime_sha256: str | None = None,
     ) -> None:
         self._runtime = load_runtime(runtime_sha256)
@@ -246,7 +246,7 @@ class StereoSession:
         """Return a session whose runs stay on the thread that calls; None where this one does as well."""
         if self.provider != _core.cpu_provider or self._threads == 1:
             return None
-        return StereoSession(self._model, provider=self.provider, threads=1, spinning=False)
+        return StereoSession(self._model, provider=self.provider, threads=1)
 
     def run(self, buffers: Buffers) -> None:
         """Compute ``disparity`` and ``confidence`` from ``left`` and ``right``."""
