@@ -11,11 +11,12 @@ namespace endosdk::ENDOSDK_ISA {
 namespace {
 
 constexpr int chunk = 128;
+constexpr int lead = 2 * chunk;  // how early memory is asked for
 constexpr float infinity = __builtin_inff();
 
 // What one chunk of a row needs between its loops. The second half of `cover` stays infinite: the scan looks there.
 struct Scratch {
-  float match[chunk + 1];  // column of the match in the right view; infinity where the disparity is not finite
+  float match[chunk];      // column of the match in the right view; infinity where the disparity is not finite
   float cover[2 * chunk];  // leftmost match of this pixel and those to its right
   int32_t reasons[chunk];  // as wide as the numbers they are found from, until all are known
   float unwanted[chunk];   // depth that nobody asked for
@@ -28,24 +29,25 @@ struct Overlap {
   float end;
 };
 
-void find_matches(const float* disparity, int first, int count, float* match) {
-  for (int i = 0; i < count; ++i) {
-    const float d = disparity[i];
-    match[i] = __builtin_fabsf(d) < infinity ? static_cast<float>(first + i) - d : infinity;
-  }
-  for (int i = count; i <= chunk; ++i) match[i] = infinity;
+float match_of(float disparity, int column) {
+  return __builtin_fabsf(disparity) < infinity ? static_cast<float>(column) - disparity : infinity;
 }
 
-// Whether no match lies left of the one before, as on every smooth surface.
-bool rise(const float* match) {
-  int rises = 1;
-  for (int i = 0; i < chunk; ++i) rises &= match[i + 1] >= match[i];
-  return rises != 0;
+// Returns whether no match lies left of the one before, as on every smooth surface.
+bool find_matches(const float* disparity, int first, int count, float* match) {
+  int rise = 1;
+  // The next match is computed twice: to read it from `match`, just written, would stall.
+  for (int i = 0; i + 1 < count; ++i) {
+    match[i] = match_of(disparity[i], first + i);
+    rise &= match_of(disparity[i + 1], first + i + 1) >= match[i];
+  }
+  match[count - 1] = match_of(disparity[count - 1], first + count - 1);
+  for (int i = count; i < chunk; ++i) match[i] = infinity;
+  return rise != 0;
 }
 
 // For each match the leftmost one from it to the right.
 const float* find_cover(Scratch& s) {
-  if (rise(s.match)) return s.match;
   memcpy(s.cover, s.match, chunk * sizeof(float));
   // Each pass doubles how far to the right a minimum has looked.
   for (int reach = 1; reach < chunk; reach *= 2) {
@@ -142,6 +144,21 @@ Overlap overlap_of(const DepthRow& row, bool& holes) {
   return {width - 1.0f, static_cast<float>(begin - row.valid_right), static_cast<float>(end - row.valid_right)};
 }
 
+// Ask for the memory that a chunk will need: no processor foresees rows that are written backwards, chunk by chunk.
+// Always inline: GCC removes calls of functions that do no more than this.
+[[gnu::always_inline]] inline void fetch(const DepthRow& row, int first) {
+  constexpr int line = 64;  // bytes
+  constexpr int floats = line / static_cast<int>(sizeof(float));
+  for (int i = 0; i < chunk; i += floats) {
+    if (row.depth != nullptr) __builtin_prefetch(row.depth + first + i, 1);
+    if (row.sigma != nullptr) __builtin_prefetch(row.sigma + first + i, 1);
+  }
+  for (int i = 0; i < chunk; i += line) {
+    __builtin_prefetch(row.reasons + first + i, 1);
+    if (row.valid_left != nullptr) __builtin_prefetch(row.valid_left + first + i);
+  }
+}
+
 }  // namespace
 
 void blend_rows(const float* upper, const float* lower, float weight, float gain, int count, float* value,
@@ -163,8 +180,9 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
     const int count = row.width - first < chunk ? row.width - first : chunk;
     const float* disparity = row.disparity + first;
     const float* confidence = row.confidence + first;
-    find_matches(disparity, first, count, s.match);
-    const float* cover = find_cover(s);
+    if (first >= lead) fetch(row, first - lead);
+    const bool rise = find_matches(disparity, first, count, s.match);
+    const float* cover = rise ? s.match : find_cover(s);
     give_reasons(disparity, confidence, count, s.match, cover, covered_from, overlap, limits, s.reasons);
     if (row.brightness != nullptr) add_glare_reasons(row.brightness + first, count, s.reasons);
     if (row.inside_left != nullptr) add_field_reasons(row.inside_left + first, count, s.reasons);
