@@ -79,6 +79,16 @@ def test_called_bare_it_shows_its_help(words, capsys):
     assert "error:" not in shown
 
 
+def test_a_misspelt_option_is_refused_with_the_usage_of_its_own_command(parsers, capsys):
+    for parser in parsers:
+        verb = parser.prog.removeprefix("endosdk ")
+        with pytest.raises(SystemExit) as stopped:
+            main([*EXAMPLES[verb].split()[1:], "--misspelt"])
+        assert stopped.value.code == 2
+        shown = capsys.readouterr().err
+        assert shown.startswith(f"usage: {parser.prog} ") and "unrecognized arguments: --misspelt" in shown
+
+
 def test_it_runs_as_a_module():
     done = subprocess.run([*RUN, "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("endosdk ")

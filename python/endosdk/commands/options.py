@@ -48,9 +48,12 @@ class Parser(argparse.ArgumentParser):
         self._bare = False
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Note whether there is anything to parse."""
+        """Refuse words that this command does not know, with its own usage; that of `endosdk` would not help."""
         self._bare = not (sys.argv[1:] if args is None else args)
-        return super().parse_known_args(args, namespace)
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """Print the help where nothing was given, else what is wrong."""
