@@ -3,13 +3,12 @@
     python -m benchmarks.speed.spinning --json benchmarks/results/speed/spinning.json
 
 Both ways compute the shipped pairs in turns, because the speed of a machine changes meanwhile. They must give the same
-bytes before a time counts. It needs a machine without other work.
+disparities before a time counts. It needs a machine without other work.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from benchmarks.record import write_record
 from endosdk import DepthEstimator
 from endosdk.datasets.samples import RawPair, sample_pairs
 from endosdk.io.progress import progress
-from endosdk.jobs.bench import burdened
+from endosdk.jobs.bench import burdened, time_frames
 from endosdk.runtime.models import read_model
 
 MODELS = ("fast", "fast-320", "accurate")
@@ -27,17 +26,6 @@ THREADS = 2
 LOADS = (0, 1, 2)  # busy processes
 TURNS, SETTLING = 12, 5
 WAYS = {"sleeping": False, "polling": True}
-
-
-def times_ms(estimator: DepthEstimator, pairs: list[RawPair], frames: int) -> list[float]:
-    """Milliseconds of each frame of one turn, once the caches are its own."""
-    result, spent = None, []
-    for number in range(SETTLING + frames):
-        pair = pairs[number % len(pairs)]
-        begun = time.perf_counter()
-        result = estimator.predict(pair.left, pair.right, out=result)
-        spent.append(1e3 * (time.perf_counter() - begun))
-    return spent[SETTLING:]
 
 
 def check_same(ways: dict[str, DepthEstimator], pairs: list[RawPair]) -> None:
@@ -61,7 +49,8 @@ def measured(model: str, pairs: list[RawPair], frames: int) -> dict[str, dict[st
         with burdened(load):
             for turn in range(TURNS):
                 for name in sorted(ways, reverse=turn % 2 == 1):  # neither is always the first
-                    spent[name] += times_ms(ways[name], pairs, frames)
+                    timed = time_frames(ways[name], pairs, SETTLING, frames)
+                    spent[name] += [frame[0] for frame in timed]
         found[f"{load} busy processes"] = {name: summary(times) for name, times in spent.items()}
     return found
 

@@ -144,7 +144,7 @@ Overlap overlap_of(const DepthRow& row, bool& holes) {
   return {width - 1.0f, static_cast<float>(begin - row.valid_right), static_cast<float>(end - row.valid_right)};
 }
 
-// Ask for the memory that a chunk will need: no processor foresees rows that are written backwards, chunk by chunk.
+// Ask for the memory that a chunk will need: hardware does not foresee that rows are written backwards, chunk by chunk.
 // Always inline: GCC removes calls of functions that do no more than this.
 [[gnu::always_inline]] inline void fetch(const DepthRow& row, int first) {
   constexpr int line = 64;  // bytes

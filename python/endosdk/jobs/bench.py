@@ -170,7 +170,7 @@ def _time_in_turns(
     stream_seconds, streamed = 0.0, 0
     for turn in progress(range(TURNS), unit="turn"):
         first, end = settings.frames * turn // TURNS, settings.frames * (turn + 1) // TURNS
-        frames += _time_frames(estimator, pairs, settings.warmup, end - first)
+        frames += time_frames(estimator, pairs, settings.warmup, end - first)
         others = min(end - first, OTHER_FRAMES // TURNS)
         count = max(others, STREAM_FRAMES * settings.threads)
         stream_seconds += _time_stream(estimator, pairs, settings.warmup, count)
@@ -180,9 +180,10 @@ def _time_in_turns(
     return frames, streamed / stream_seconds
 
 
-def _time_frames(
+def time_frames(
     estimator: DepthEstimator, pairs: list[RawPair], warmup: int, count: int
 ) -> list[tuple[float, float, float, float]]:
+    """Milliseconds of every frame after the warm-up: in all, then by stage."""
     result = None
     frames = []
     for number in range(warmup + count):
