@@ -99,7 +99,7 @@ def test_every_table_with_a_file_that_does_not_ship_says_so(tmp_path, table1, sh
 
 
 def test_errors_on_training_pairs_and_after_stages_are_shown(tmp_path, table1):
-    rows = table1["methods"]
+    rows = table1["methods"] = {name: table1["methods"][name] for name in ("wang2020", "anynet")}
     rows["wang2020"] |= {"train_epe": 0.4, "train_pairs_scored": 100}
     rows["anynet"]["stages"] = [3.0, 2.0, 1.5, 1.0]
     write_json(tmp_path / "paper" / "table1.json", table1)
