@@ -49,7 +49,9 @@ const uint8_t* FieldRows::right(int y, int worker, const uint8_t* valid) {
   const uint8_t* const inside = row(right_, y, worker);
   if (inside == nullptr || valid == nullptr) return inside != nullptr ? inside : valid;
   uint8_t* const both = right_.rows.data() + static_cast<ptrdiff_t>(worker) * width_;
-  for (int x = 0; x < width_; ++x) both[x] &= valid[x] != 0 ? 1 : 0;
+  // A copy, because the bytes written might be those of the member: the compiler would go byte by byte.
+  const int width = width_;
+  for (int x = 0; x < width; ++x) both[x] &= valid[x] != 0 ? 1 : 0;
   return both;
 }
 

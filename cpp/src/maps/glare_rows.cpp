@@ -50,7 +50,10 @@ const uint8_t* GlareRows::row(const PlanarView& view, int y, int worker) {
   if (latest.y != source_y) {  // several output rows lie on one row of the view
     latest = {source_y, least_of_channels(view, source_y, seen) >= saturation_level};
     if (latest.saturated && !columns_.empty()) {
-      for (int x = 0; x < out_width_; ++x) wide[x] = seen[columns_[x]];
+      // Copies, because the bytes written might be those of the members.
+      const int* const columns = columns_.data();
+      const int width = out_width_;
+      for (int x = 0; x < width; ++x) wide[x] = seen[columns[x]];
     }
   }
   if (!latest.saturated) return nullptr;
