@@ -147,6 +147,21 @@ def test_the_refinement_alone_leaves_everything_else_untouched(dataset_root, tmp
         replace(alone, refine_from_step=1)
 
 
+def test_frozen_norm_keeps_its_statistics_and_learns_the_rest(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2), tmp_path / "first")
+    frozen = settings(dataset_root, steps=2, init_from=str(tmp_path / "first"), frozen_norm=True, held_out=0)
+    train(frozen, tmp_path / "frozen")
+    before, after = weights(tmp_path / "first"), weights(tmp_path / "frozen")
+    for name, value in before.items():
+        if ".running_" in name:
+            assert torch.equal(value, after[name]), name
+        elif name.endswith(("conv.weight", "norm.weight")):
+            assert not torch.equal(value, after[name]), name
+    assert checkpoint.inherited(str(tmp_path / "frozen"), {})["frozen_norm"]
+    with pytest.raises(InvalidArgument, match="init_from: must name trained weights with frozen_norm"):
+        train(replace(frozen, init_from=None), tmp_path / "nothing")
+
+
 def test_another_run_can_be_the_start(dataset_root, tmp_path):
     train(settings(dataset_root, steps=2), tmp_path / "first")
     train(

@@ -101,6 +101,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="quantisation-aware: most layers round weights and activations as the 8-bit model does",
     )
+    parser.add_argument(
+        "--frozen-norm",
+        action="store_true",
+        default=None,
+        help="keep the statistics of batch norm: better for batches under about 16 crops (with --init-from)",
+    )
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="no augmentation")
     for name, (kind, text) in _SETTINGS.items():
         parser.add_argument("--" + name.replace("_", "-"), type=kind, help=text + _default(name))
@@ -141,5 +147,6 @@ def _shown(value: Any) -> str:
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
-    names = ("data", "network", "crop", "refine_crop", "refine_only", "augment", "looks", "quantised", *_SETTINGS)
+    flags = ("refine_only", "augment", "quantised", "frozen_norm")
+    names = ("data", "network", "crop", "refine_crop", "looks", *flags, *_SETTINGS)
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}

@@ -20,7 +20,7 @@ CHOICES = {
 # What a run takes over from the run that made the weights it starts from, where nothing else is asked for.
 INHERITED = (
     "network max_disparity dense_disparity mode_reach inference_width crop looks loss balance volume_weight "
-    "coarse_weight output_stride optimiser decay epochs weight_decay"
+    "coarse_weight output_stride optimiser decay epochs weight_decay frozen_norm"
 ).split()
 LISTS = ("data", "looks", "crop", "refine_crop")
 LARGEST = 10**9
@@ -103,6 +103,8 @@ class TrainConfig:
     refine_from_step: int = 0  # until then only the coarse stage is computed, at a sixth of the cost
     refine_crop: tuple[int, int] | None = None  # the refinement sees a random window of this size; None: the whole crop
     refine_only: bool = False  # only the refinement learns: the coarse stage and every batch norm's statistics stay
+
+    frozen_norm: bool = False  # statistics of batch norm stay as they are: those of few crops are not those of frames
 
     # system
     precision: str = "auto"  # bf16 where the processor has units for it (elsewhere it is slower), else fp32

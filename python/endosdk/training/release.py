@@ -23,7 +23,7 @@ RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges
 RECIPE = (
     "inference_width dense_disparity mode_reach train_pairs held_out loss balance volume_weight coarse_weight "
     "optimiser rate final_rate decay steps batch crop refine_from_step refine_crop refine_only output_stride augment "
-    "looks quantised seed"
+    "looks quantised frozen_norm seed"
 ).split()
 
 

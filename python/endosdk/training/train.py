@@ -32,6 +32,7 @@ from endosdk.training.fit_confidence import fit_confidence
 from endosdk.training.loss import build_loss, volume_cross_entropy
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks.base import Prediction, StereoNetwork, Window
+from endosdk.training.networks.blocks import freeze_norm
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.rounding import round_to_bytes
 from endosdk.training.sets import open_sets, split_pairs
@@ -121,6 +122,8 @@ class Run:
         if not resume and self.config.init_from is None:
             if self.config.refine_only:
                 raise InvalidArgument("init_from", "must name a trained coarse stage with refine_only", None)
+            if self.config.frozen_norm:
+                raise InvalidArgument("init_from", "must name trained weights with frozen_norm", None)
             return None
         # Only a start may be a shipped name: a run's own folder may be called the same.
         saved = checkpoint.load(self.out if resume else checkpoint.starting_point(str(self.config.init_from)))
@@ -207,6 +210,8 @@ class Run:
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         model.train(not self.config.refine_only)
+        if self.config.frozen_norm:
+            freeze_norm(model)
         self.optimiser.zero_grad(set_to_none=True)
         with self._autocast():
             prediction: Prediction = model(left, right, refined=refined, window=window)

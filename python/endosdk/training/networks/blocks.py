@@ -91,6 +91,13 @@ def fold_batch_norm(network: nn.Module) -> None:
             module.norm = nn.Identity()
 
 
+def freeze_norm(network: nn.Module) -> None:
+    """Let every batch norm of a network keep its statistics, until the network is set to train again."""
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d | nn.BatchNorm3d):
+            module.eval()
+
+
 def fold_residuals(network: nn.Module) -> None:
     """Turn every convolution that adds its own input into one whose middle weights do, in place.
 
