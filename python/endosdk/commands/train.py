@@ -103,9 +103,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--frozen-norm",
-        action="store_true",
+        action=argparse.BooleanOptionalAction,
         default=None,
-        help="keep the statistics of batch norm: better for batches under about 16 crops (with --init-from)",
+        help="keep the statistics of batch norm: for batches of few crops (with --init-from)",
     )
     parser.add_argument("--no-augment", dest="augment", action="store_false", default=None, help="no augmentation")
     for name, (kind, text) in _SETTINGS.items():

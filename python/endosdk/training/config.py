@@ -103,7 +103,6 @@ class TrainConfig:
     refine_from_step: int = 0  # until then only the coarse stage is computed, at a sixth of the cost
     refine_crop: tuple[int, int] | None = None  # the refinement sees a random window of this size; None: the whole crop
     refine_only: bool = False  # only the refinement learns: the coarse stage and every batch norm's statistics stay
-
     frozen_norm: bool = False  # statistics of batch norm stay as they are: those of few crops are not those of frames
 
     # system
