@@ -412,7 +412,8 @@ TWO_PROCESSES = """
 import sys, torch
 from pathlib import Path
 from endosdk.training.config import TrainConfig
-from endosdk.training.train import Run, process_group
+from endosdk.training.processes import process_group
+from endosdk.training.train import Run
 torch.set_num_threads(1)
 config = TrainConfig(data=(sys.argv[1],), network="fast", crop=(64, 128), batch=1, held_out=2, steps=3,
                      refine_from_step=1, validate_every=2, device="cpu")

@@ -6,12 +6,10 @@ import csv
 import json
 import logging
 import os
-import signal
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +32,7 @@ from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks.base import Prediction, StereoNetwork, Window
 from endosdk.training.networks.blocks import freeze_norm
 from endosdk.training.optimisers import build_optimiser
+from endosdk.training.processes import process_group, stop_signal
 from endosdk.training.rounding import round_to_bytes
 from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.survey import MOST_CROPS, teach_surveyor
@@ -55,7 +54,7 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
     with (more steps, another rate). Under torchrun every process calls this with the same arguments. What ``watch``
     measures of the network joins the history of validations.
     """
-    with process_group() as (rank, world), _stop_signal():
+    with process_group() as (rank, world), stop_signal():
         run = Run(config, out, rank, world, resume=resume)
         run.watch = watch
         try:
@@ -371,35 +370,3 @@ def channels_last(network: nn.Module) -> None:
             module.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
         elif isinstance(module, nn.Conv2d):
             module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-
-
-@contextmanager
-def _stop_signal() -> Iterator[None]:
-    """Let a polite kill end the run as Ctrl-C does: with a checkpoint."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may set signals
-        return
-
-    def stop(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-class process_group:
-    """Join the processes that torchrun started, and leave them at the end; alone when there are none."""
-
-    def __enter__(self) -> tuple[int, int]:
-        self.joined = int(os.environ.get("WORLD_SIZE", "1")) > 1
-        if not self.joined:
-            return 0, 1
-        dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
-        return dist.get_rank(), dist.get_world_size()
-
-    def __exit__(self, *_: object) -> None:
-        if self.joined:
-            dist.destroy_process_group()
