@@ -128,6 +128,12 @@ def patchmatch_folder(runs: Path, reader: DatasetReader) -> Path:
     return runs / "patchmatch" / reader.sha256[:16]
 
 
+def learned_from(training: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the set that the weights of a model file come from: a run of no steps only fitted their confidence."""
+    before = None if training.get("steps_done") else training.get("init")
+    return before["data"] if before else training.get("data")
+
+
 def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dict[str, dict[str, Any]]:
     """Score the models that come with the package; they saw more data than the protocol's 800 pairs."""
     rows = {}
@@ -140,7 +146,7 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
         state = f"{model.sha256}, core {core}"
         found = scores.get(f"shipped-{name}", state, lambda name=name: scores.score(estimator_method(name)))
         costs = network_costs(name, model.max_disparity, size[1], size[0])
-        known = {"params": costs.params, "gmacs": costs.gmacs, "trained_on": model.training.get("data")}
+        known = {"params": costs.params, "gmacs": costs.gmacs, "trained_on": learned_from(model.training)}
         known |= {"output_stride": model.output_stride, "version": model.version, "model_sha256": model.sha256}
         rows[f"shipped-{name}"] = {**found, **known}
     return rows
