@@ -117,7 +117,7 @@ def main() -> None:
             print(f"{model:10} {kind:17} {found['fps']:6.1f} FPS, p99 {found['latency_ms']['p99']:5.1f} ms")
     names = " ".join(arguments.models)
     command = f"python -m benchmarks.speed.avx2_only --models {names} --threads {arguments.threads}"
-    command += f" --frames {arguments.frames} --turns {arguments.turns} --json {arguments.json}"
+    command += f" --frames {arguments.frames} --turns {arguments.turns}"
     found = {"threads": arguments.threads, "frames": arguments.frames, "models": models}
     write_record(arguments.json, found, command=command, hashes={"model_sha256": hashes})
 

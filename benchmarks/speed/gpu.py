@@ -260,7 +260,8 @@ def main(arguments: list[str] | None = None) -> int:
             model: measure_model(model, device, (width, height), args.frames, not args.eager) for model in args.models
         },
     }
-    command = " ".join(["python -m benchmarks.speed.gpu", *(arguments or sys.argv[1:])])
+    command = f"python -m benchmarks.speed.gpu --models {' '.join(args.models)} --size {args.size}"
+    command += f" --frames {args.frames} --provider {args.provider}{' --eager' if args.eager else ''}"
     hashes = {"model_sha256": {model: read_model(model).sha256 for model in args.models}}
     write_record(args.json, record, command=command, hashes=hashes)
     return 0

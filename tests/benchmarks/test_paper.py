@@ -25,7 +25,7 @@ from benchmarks.paper.experiments import (
 from benchmarks.paper.joined_set import with_test_pairs
 from benchmarks.paper.runs import config_gmacs
 from benchmarks.paper.speed import speeds
-from benchmarks.paper.tables import Scores
+from benchmarks.paper.tables import Scores, learned_from
 from benchmarks.tables.pages import PLACE
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
@@ -421,3 +421,10 @@ def test_search_and_classical_methods_refuse_what_they_cannot_use(tiny_set):
     seen = [entry["settings"] for entry in best["tried"]]
     assert {settings["block_size"] for settings in seen} == {3, 5} and {s["small_step"] for s in seen} == {4, 8}
     assert all(settings["small_step"] < settings["large_step"] for settings in seen)
+
+
+def test_a_run_that_only_fitted_the_confidence_taught_the_weights_nothing():
+    fitted, learned = {"name": "few"}, {"name": "many"}
+    assert learned_from({"data": fitted, "steps_done": 0, "init": {"data": learned}}) == learned
+    assert learned_from({"data": learned, "steps_done": 9, "init": {"data": fitted}}) == learned
+    assert learned_from({"data": learned, "steps_done": 0, "init": None}) == learned

@@ -412,7 +412,7 @@ TWO_PROCESSES = """
 import sys, torch
 from pathlib import Path
 from endosdk.training.config import TrainConfig
-from endosdk.training.torchrun import process_group
+from endosdk.training.run_process import process_group
 from endosdk.training.train import Run
 torch.set_num_threads(1)
 config = TrainConfig(data=(sys.argv[1],), network="fast", crop=(64, 128), batch=1, held_out=2, steps=3,

@@ -33,9 +33,9 @@ from endosdk.training.networks.base import Prediction, StereoNetwork, Window
 from endosdk.training.networks.blocks import freeze_norm
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.rounding import round_to_bytes
+from endosdk.training.run_process import process_group, stop_signal
 from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.survey import MOST_CROPS, teach_surveyor
-from endosdk.training.torchrun import process_group, stop_signal
 from endosdk.training.upsampling import on_input_grid
 from endosdk.training.validation import mean_errors
 
