@@ -39,7 +39,7 @@ def shaken(network: StereoNetwork) -> StereoNetwork:
 def export_into(folder: Path, name: str) -> Exported:
     """Write a network whose weights leave no layer idle."""
     torch.manual_seed(1)
-    network = shaken(build_network(name, max_disparity=80 if name == "cascade" else 40))
+    network = shaken(build_network(name, max_disparity=128 if name == "cascade" else 40))
     with torch.no_grad():
         weights = network.confidence.weights
         weights.copy_(

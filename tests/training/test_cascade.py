@@ -7,6 +7,7 @@ from torch import nn
 from endosdk.errors import InvalidArgument
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
+from endosdk.training.networks.cascade import resized
 from endosdk.training.networks.fast import CELL, DISPARITY_HINT
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import quantize_model
@@ -15,33 +16,50 @@ from tests.training.test_networks import views
 from tests.training.test_quantize import Scenes
 from tests.training.warped_scenes import warped_pair
 
-RANGE = 80  # px; the first stage searches half of it
+RANGE, DENSE = 128, 64  # px; the first stage searches 3/4 of it
 
 
 def cascade():
     torch.manual_seed(1)
-    return build_network("cascade", RANGE, dense_disparity=48, mode_reach=2)
+    return build_network("cascade", RANGE, dense_disparity=DENSE, mode_reach=2)
 
 
-def test_the_first_stage_searches_half_the_range_on_half_the_picture():
+def test_the_first_stage_searches_the_whole_range_on_a_smaller_picture():
     network = cascade()
-    assert network.first.candidates == (*range(0, 24, 4), *range(24, 40, 8))
-    assert network.candidates == (*range(0, 48, 8), *range(48, 80, 16)) and network.max_candidate_disparity == 64
+    assert network.first.candidates == (*range(0, 48, 4), *range(48, 96, 8))
+    assert network.max_candidate_disparity == 117  # the last plane, 88 px there, lies at 117.3
     left, right = views(64, 128)
     seen = []
-    network.first.register_forward_hook(lambda _, inputs, found: seen.append((inputs, found)))
+    network.first.register_forward_hook(lambda _, inputs, found: seen.append(inputs))
     with torch.no_grad():
         shaken(network)(left, right)
-    ((halves, _),) = seen
-    for half, view in zip(halves, (left, right), strict=True):
-        torch.testing.assert_close(half, F.avg_pool2d(view, 2))
+    ((*smaller,),) = seen
+    for small, view in zip(smaller, (left, right), strict=True):
+        assert small.shape == (len(view), 3, 48, 96)
+        ramp = torch.arange(128.0).expand(1, 3, 64, 128)
+        torch.testing.assert_close(resized(ramp, (48, 96))[0, 0, 0], (torch.arange(96) + 0.5) * 4 / 3 - 0.5)
+        torch.testing.assert_close(small, resized(view, (48, 96)))
+
+
+def test_disparities_of_the_first_stage_are_in_pixels_of_the_frame():
+    network = cascade().eval()
+    smooth = torch.full((2, 1, 24, 48), 30.0)
+    network.first.register_forward_hook(lambda _, inputs, found: found._replace(disparities=[smooth]))
+    start = torch.tensor([0.0, -50.0, -50.0, -50.0]).repeat_interleave(4)
+    with torch.no_grad():
+        network.earlier.last.bias.copy_(start)
+        torch.testing.assert_close(network.coarse(*views(64, 128)).disparity, torch.full((2, 1, 16, 32), 40.0))
 
 
 def test_the_second_look_starts_from_the_answer_to_the_first():
     network = cascade().eval()
     start = torch.tensor([0.0, -50.0, -50.0, -50.0]).repeat_interleave(4)  # adds nothing to what was found
     found = []
-    network.first.register_forward_hook(lambda _, inputs, prediction: found.append(2.0 * prediction.disparities[-1]))
+
+    def keep(_, inputs, prediction):
+        found.append(resized(prediction.disparities[-1], (16, 32)) * (4 / 3))
+
+    network.first.register_forward_hook(keep)
     with torch.no_grad():
         for nearer in (0.0, 8.0):
             network.earlier.last.bias.copy_(start + torch.tensor([nearer, 0.0, 0.0, 0.0]).repeat_interleave(4))
@@ -56,7 +74,7 @@ def test_the_second_look_starts_from_the_answer_to_the_first():
 def test_weights_of_one_look_answer_both_alike():
     one = {name: value for name, value in shaken(cascade()).state_dict().items() if not name.startswith("earlier.")}
     network = cascade()
-    network.load_state_dict(network.adapted(one, RANGE, 48))
+    network.load_state_dict(network.adapted(one, RANGE, DENSE))
     state = network.state_dict()
     for name in one:
         if name.startswith("refinement."):
@@ -80,8 +98,8 @@ def test_it_starts_with_the_first_answer_and_can_take_a_surface_nearby():
 
 def test_a_window_gives_the_same_refinement_as_the_whole():
     network = shaken(cascade())
-    left, right = views(176, 256)
-    window = Window(64, 80, 48, 96)
+    left, right = views(192, 384)
+    window = Window(64, 160, 32, 96)
     with torch.no_grad():
         whole, part = network(left, right), network(left, right, window=window)
     torch.testing.assert_close(part.disparities[1], window.of(whole.disparities[1], 2), atol=1e-3, rtol=0)
@@ -101,13 +119,13 @@ def test_only_the_second_stage_learns():
 
 
 def test_it_takes_the_weights_of_fast():
-    fast = shaken(build_network("fast", RANGE // 2, dense_disparity=24, mode_reach=2))
+    fast = shaken(build_network("fast", 96, dense_disparity=48, mode_reach=2))
     network = cascade()
-    network.load_state_dict(network.adapted(fast.state_dict(), RANGE // 2, 24))
+    network.load_state_dict(network.adapted(fast.state_dict(), 96, 48))
     for name, value in fast.state_dict().items():
         assert torch.equal(network.first.state_dict()[name], value)
     again = cascade()
-    again.load_state_dict(again.adapted(network.state_dict(), RANGE, 48))
+    again.load_state_dict(again.adapted(network.state_dict(), RANGE, DENSE))
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +156,9 @@ def test_both_stages_run_in_integers(exported_cascade, tmp_path):
     assert [makers[conv.input[0]].op_type for conv in floats] == ["Concat"] * 3
 
 
-@pytest.mark.parametrize("value", [0, -16, 72])
-def test_the_range_is_a_multiple_of_sixteen(value):
-    with pytest.raises(InvalidArgument, match="multiple of 16"):
+@pytest.mark.parametrize("value", [0, -64, 144])
+def test_the_range_is_a_multiple_of_64(value):
+    with pytest.raises(InvalidArgument, match="max_disparity: must be a positive multiple of 64"):
         build_network("cascade", max_disparity=value)
+    with pytest.raises(InvalidArgument, match="dense_disparity"):
+        build_network("cascade", max_disparity=RANGE, dense_disparity=value or 32)

@@ -136,6 +136,22 @@ def test_a_folder_called_like_shipped_weights_is_still_a_folder(tmp_path, monkey
         checkpoint.starting_point("fats")
 
 
+def test_a_long_line_of_runs_is_still_read(tmp_path):
+    network, optimiser = stepped("adamw")
+    origin = None
+    for number in range(60):
+        origin = checkpoint.with_oldest_joined({"data": {"name": str(number)}, "steps": 2, "init": origin})
+    checkpoint.save(tmp_path / checkpoint.LAST, CONFIG, 7, STATE | {"init": origin}, network, optimiser)
+    saved = checkpoint.load(tmp_path)
+    assert saved.steps_in_all == 7 + 60 * 2
+    told, runs = saved.state["init"], []
+    while told is not None:
+        runs.append(told["data"]["name"])
+        oldest, told = told, told["init"]
+    assert runs == [str(number) for number in range(59, 59 - checkpoint.MOST_RUNS, -1)]
+    assert "joined" in oldest and oldest["steps"] == 2 * (60 - checkpoint.MOST_RUNS + 1)
+
+
 def test_broken_and_foreign_files_are_named(tmp_path):
     network, optimiser = stepped("rmsprop")
     path = tmp_path / "a.safetensors"

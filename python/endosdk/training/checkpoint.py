@@ -24,6 +24,25 @@ from endosdk.training.networks import StereoNetwork, build_network
 LAST = "last.safetensors"
 DONE = 2 / 3  # of the steps of a recipe: from there on go the rates of a run that starts from its weights
 FORMAT = "1"
+MOST_RUNS = 20  # that the notes of a run tell of: what nests much deeper is refused when it is read
+
+
+def steps_of(origin: dict[str, Any] | None) -> int:
+    """Return the steps of a run's notes, and of those of every run that it goes back to."""
+    steps = 0
+    while origin is not None:
+        steps, origin = steps + int(origin["steps"]), origin.get("init")
+    return steps
+
+
+def with_oldest_joined(origin: dict[str, Any], most: int = MOST_RUNS) -> dict[str, Any]:
+    """Return notes of at most so many runs: the last of them counts the steps of all that lie before it."""
+    before = origin.get("init")
+    if before is None:
+        return origin
+    if most == 1:
+        return {**origin, "steps": steps_of(origin), "init": None, "joined": "steps of older runs are among these"}
+    return {**origin, "init": with_oldest_joined(before, most - 1)}
 
 
 @dataclass(frozen=True)
@@ -39,10 +58,7 @@ class Checkpoint:
     @property
     def steps_in_all(self) -> int:
         """Steps behind these weights: of this run, and of every run that it goes back to."""
-        steps, before = self.step, self.state["init"]
-        while before is not None:
-            steps, before = steps + int(before["steps"]), before.get("init")
-        return steps
+        return self.step + steps_of(self.state["init"])
 
     def build(self) -> StereoNetwork:
         """Build the network that was saved, in evaluation mode."""

@@ -173,7 +173,7 @@ def _sources(name: str, makers: Names) -> set[str | None]:
     node = makers.get(name)
     if node is None or node.op_type == "Cast":
         return {None}
-    if node.op_type == "AveragePool" and _sources(node.input[0], makers) == {None}:
+    if node.op_type == "Resize" and _sources(node.input[0], makers) == {None}:
         return {None}  # means of bytes are as large as bytes
     if node.op_type not in MOVES:
         return {node.name}

@@ -144,7 +144,8 @@ class Run:
         else:
             kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate", "decay")
             past = {key: saved.config.as_dict()[key] for key in kept}
-            self.origin = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
+            notes = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
+            self.origin = checkpoint.with_oldest_joined(notes)
         return saved
 
     def _compare_precision(self, before: str | None) -> None:

@@ -158,9 +158,12 @@ class StereoNetwork(nn.Module, ABC):
 
     def trust(self, prediction: Prediction) -> Tensor:
         """Return the probability [N, 1, H/s, W/s] that the last map is wrong by at most one pixel."""
-        head = self.confidence
-        trust: Tensor = head(self.on_answer_grid(head.scale_of(head.columns(prediction.evidence, prediction.clues))))
+        trust: Tensor = self.confidence(self.on_answer_grid(self.log_scale(prediction)))
         return trust
+
+    def log_scale(self, prediction: Prediction) -> Tensor:
+        """Return the logarithm of the scale [N, 1, h, w] of the errors of the last map, px, on the coarse grid."""
+        return self.confidence.scale_of(self.confidence.columns(prediction.evidence, prediction.clues))
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that computes the same with layers that suit the deployed runtime.

@@ -1,6 +1,6 @@
-"""`Fast` on the halved frame, then two looks at the frame's own width.
+"""`Fast` on a smaller frame, then two looks at the frame's own width.
 
-The first stage has the range and the surroundings at a quarter of the cost. What it leaves open are fractions of a
+The first stage has the range and the surroundings at half of the cost. What it leaves open are fractions of a
 pixel and a few pixels around edges. The second stage compares the views at the disparity found, and at the nearest and
 farthest one of the neighbourhood: across an edge, the right answer is one of these. A refinement like that of `Fast`
 decides between them. Then it looks at its answer once more in the same way. No volume is searched at the full width,
@@ -16,6 +16,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from endosdk.errors import InvalidArgument
 from endosdk.training.networks.base import Coarse, Prediction, StereoNetwork, check_max_disparity
 from endosdk.training.networks.blocks import (
     ConvNorm,
@@ -27,6 +28,7 @@ from endosdk.training.networks.blocks import (
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.fast import (
     CELL,
+    CLUES,
     DISPARITY_HINT,
     EVIDENCE,
     FINE,
@@ -40,6 +42,7 @@ from endosdk.training.networks.fast import (
     Fast,
     Refinement,
     Shape,
+    clues_of,
     log_largest,
     surface_hints,
     surfaces_around,
@@ -52,7 +55,8 @@ from endosdk.training.networks.photometric import brightness, moments, step
 FIRST = "first."  # prefix of the names of the first stage's weights
 EARLIER, REFINEMENT = "earlier.", "refinement."  # likewise, of what answers the first and the second look
 FITTED = "confidence.weights"
-HALVED = 2  # pixels of the frame per pixel that the first stage sees
+SEEN, WHOLE = 3, 4  # the first stage sees so many pixels where the frame has so many, along each axis
+RANGE_STEP = 64  # px; SEEN / WHOLE of it holds whole pairs of wide planes
 
 
 class Look(NamedTuple):
@@ -64,33 +68,33 @@ class Look(NamedTuple):
 
 
 class Cascade(StereoNetwork):
-    """`Fast` at half the width, two comparisons at the frame's own with a refinement at 1/4 each, answer at 1/2."""
+    """`Fast` at 3/4 of the width, two comparisons at the frame's own with a refinement at 1/4 each, answer at 1/2."""
 
     name = "cascade"
-    input_multiple = HALVED * Fast.input_multiple
+    input_multiple = WHOLE * Fast.input_multiple
     coarse_stride = CELL
     output_stride = STRIDE
-    plane_step = HALVED * CELL
     inference_width = 960
     default_crop = (256, 512)
 
     def __init__(
-        self, max_disparity: int = 240, *, dense_disparity: int | None = None, mode_reach: int | None = None
+        self, max_disparity: int = 256, *, dense_disparity: int | None = None, mode_reach: int | None = None
     ) -> None:
-        """Build with random weights; ``max_disparity`` and ``dense_disparity`` in input px, multiples of 16.
+        """Build with random weights; ``max_disparity`` and ``dense_disparity`` in input px, multiples of 64.
 
-        The settings are those of `Fast`, which gets them halved. The first stage does not learn: it is trained alone,
+        The settings are those of `Fast`, which gets 3/4 of them. The first stage does not learn: it is trained alone,
         as `Fast`, and taken over (`adapted`).
         """
         super().__init__()
         self.hint_unit = 1.0  # cells; of the disparity that the refinement is given
-        self.max_disparity = check_max_disparity(max_disparity, HALVED * CELL * HALVED)
+        self.max_disparity = check_max_disparity(max_disparity, RANGE_STEP)
+        if dense_disparity is not None and dense_disparity % RANGE_STEP:
+            raise InvalidArgument("dense_disparity", f"must be a multiple of {RANGE_STEP}", dense_disparity)
         self.first = Fast(
-            max_disparity // HALVED,
-            dense_disparity=None if dense_disparity is None else dense_disparity // HALVED,
+            max_disparity * SEEN // WHOLE,
+            dense_disparity=None if dense_disparity is None else dense_disparity * SEEN // WHOLE,
             mode_reach=mode_reach,
         )
-        self.candidates = tuple(HALVED * candidate for candidate in self.first.candidates)
         shape = Shape()
         self.pixels = Colours()
         self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
@@ -98,12 +102,12 @@ class Cascade(StereoNetwork):
         self.earlier = Refinement(shape, HINTS, START)  # whose answer the refinement looks at anew
         self.refinement = Refinement(shape, HINTS, START)
         self.refine_margin = shape.refine_margin(self.input_multiple)
-        self.confidence = ConfidenceHead(channels=EVIDENCE + 2 + 3, clues=HINTS - 1)
+        self.confidence = ConfidenceHead(channels=EVIDENCE + 1 + 2 + 3, clues=CLUES)
 
     @property
     def max_candidate_disparity(self) -> int:
-        """The largest disparity there is a plane for, input px."""
-        return self.candidates[-1]
+        """The largest whole disparity that the planes of the first stage reach, input px."""
+        return self.first.max_candidate_disparity * WHOLE // SEEN
 
     def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
         """Return weights of a `Cascade`, or those of a `Fast` with a second stage as it is now."""
@@ -136,15 +140,17 @@ class Cascade(StereoNetwork):
         return self
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
-        """Let the first stage answer on the halved views, answer that anew, and compare the views at that answer."""
-        pairs = left.shape[0]
+        """Let the first stage answer on smaller views, answer that anew, and compare the views at that answer."""
+        pairs, _, height, width = left.shape
         views = torch.cat([left, right])
         values, bright = self.pixels(left, views)
+        cells = height // CELL, width // CELL
         with torch.no_grad():
-            halves = F.avg_pool2d(views.to(torch.float32), HALVED)
-            found = self.first(halves[:pairs], halves[pairs:])
-            disparity = found.disparities[-1].to(torch.float32) * HALVED
-        evidence = F.interpolate(found.evidence, scale_factor=2.0, mode="nearest")
+            small = resized(views.to(torch.float32), (height * SEEN // WHOLE, width * SEEN // WHOLE))
+            found = self.first(small[:pairs], small[pairs:])
+            disparity = resized(found.disparities[-1].to(torch.float32), cells) * (WHOLE / SEEN)
+            doubt = self.first.log_scale(found)
+        evidence = F.interpolate(torch.cat([found.evidence, doubt], dim=1), cells, mode="nearest")
         context = self.features(self.stem(values))
         seen = self._look(bright[:pairs], bright[pairs:], disparity)
         answer, _ = self._choose(self.earlier(context, seen.hints), disparity, seen.steps)
@@ -160,9 +166,8 @@ class Cascade(StereoNetwork):
         rough = self.on_answer_grid(coarse.disparity)
         # On the coarse grid, like all other evidence.
         doubts = [log_largest(F.max_pool2d(change.abs(), FINE)) for change in (correction, answer - rough)]
-        clues = torch.cat([coarse.hints[:, :DISPARITY_HINT], coarse.hints[:, DISPARITY_HINT + 1 :]], dim=1)
         evidence = torch.cat([coarse.evidence, *doubts], dim=1)
-        return Prediction([rough, answer], evidence, clues=clues.detach())
+        return Prediction([rough, answer], evidence, clues=clues_of(coarse.hints, coarse.disparity))
 
     def _look(self, left: Tensor, right: Tensor, disparity: Tensor) -> Look:
         """Compare the brightness of both views at a disparity [N, 1, h, w], px, and at its neighbours'."""
@@ -206,6 +211,11 @@ class Cascade(StereoNetwork):
         form.earlier = CorrectionApart(form.earlier, FINE**2)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
         return form
+
+
+def resized(values: Tensor, size: tuple[int, int]) -> Tensor:
+    """Bring maps or views to a smaller size of whole rows and columns."""
+    return F.interpolate(values, size, mode="bilinear", align_corners=False)
 
 
 class Colours(nn.Module):

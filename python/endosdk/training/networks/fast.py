@@ -189,15 +189,10 @@ class Fast(StereoNetwork):
         for gate, surface in zip(gates, surfaces, strict=True):
             there = F.interpolate(surface, scale_factor=float(FINE), mode="nearest")
             change = change + torch.sigmoid(F.pixel_shuffle(gate, FINE)) * (there - rough)
-        hints = coarse.hints.detach()
-        clues = [
-            hints[:, :DISPARITY_HINT],
-            *surface_clues(coarse.disparity.detach() / (CELL * WIDE_UNIT)),
-            hints[:, DISPARITY_HINT + 1 :],
-        ]
+        clues = clues_of(coarse.hints, coarse.disparity)
         doubts = [log_largest(correction), log_largest(F.max_pool2d(change.abs(), FINE))]
         maps = [rough, torch.relu(rough + change)]
-        return Prediction(maps, torch.cat([coarse.evidence, *doubts], dim=1), clues=torch.cat(clues, dim=1))
+        return Prediction(maps, torch.cat([coarse.evidence, *doubts], dim=1), clues=clues)
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
@@ -362,6 +357,13 @@ def surface_hints(left: Tensor, right: Tensor, other: Tensor, disparity: Tensor)
     """Say how far another disparity [N, 1, h, w], px, is away, and what the brightness of both views says of it."""
     seen = step(moments(left, right, other, CELL), SMALL)
     return [(other - disparity) / SURFACE_UNIT, seen.step, seen.spread]
+
+
+def clues_of(hints: Tensor, disparity: Tensor) -> Tensor:
+    """Return what the confidence reads besides its evidence, of the hints and of a disparity [N, 1, h, w], px."""
+    hints, disparity = hints.detach(), disparity.detach()
+    around = surface_clues(disparity / (CELL * WIDE_UNIT))
+    return torch.cat([hints[:, :DISPARITY_HINT], *around, hints[:, DISPARITY_HINT + 1 :]], dim=1)
 
 
 def surface_clues(disparity: Tensor) -> list[Tensor]:
