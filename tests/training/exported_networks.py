@@ -43,7 +43,7 @@ def export_into(folder: Path, name: str) -> Exported:
     with torch.no_grad():
         weights = network.confidence.weights
         weights.copy_(
-            torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1, 0.1, -0.1, 0.1])[: len(weights)]
+            torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1, 0.1, -0.1, 0.1, 0.1])[: len(weights)]
         )
     exported = Exported(network, folder / f"{name}.onnx", ModelDescription(name, "3", training={"recipe": "none"}))
     export_model(network, exported.path, exported.info)
