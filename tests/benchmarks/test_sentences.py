@@ -75,6 +75,12 @@ def wrong_on_clean_pairs():
     return f"{shares[0]:.1f}", f"{shares[1]:.1f}", f"{valid[0]:.2f}", f"{valid[1]:.2f}"
 
 
+def gain_of_a_larger_network_size():
+    points = read("accuracy/pareto_front")["points"]
+    usual, wide = points["fast"], points["wide"]
+    return f"{usual['epe_px']:.3f}", f"{wide['epe_px']:.3f}", f"{wide['ms'] / usual['ms']:.1f}"
+
+
 def rates_with_avx2():
     models = read("speed/avx2_only")["models"]
     return tuple(f"{models[name]['AVX2 alone']['fps']:.0f}" for name in ("fast", "fast-320"))
@@ -99,6 +105,11 @@ SENTENCES = [
         "docs/numbers.md",
         r"rectification is (\S+) times as fast .* resizing with depth (\S+) times as fast",
         kernel_gains,
+    ),
+    (
+        "docs/numbers.md",
+        r"`fast` falls from (\S+) to (\S+) px on these pairs\. A frame takes (\S+) times as long",
+        gain_of_a_larger_network_size,
     ),
     ("docs/numbers.md", r"runs `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
     ("docs/real-time.md", r"`fast` runs at (\S+) FPS without and at (\S+) FPS with", rates_beside_a_busy_process),
