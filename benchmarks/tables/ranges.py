@@ -18,14 +18,23 @@ RIGS = {
 }
 
 
+def facts_of(model: str) -> dict[str, str]:
+    """Return what a shipped file says of itself."""
+    return {entry.key: entry.value for entry in onnx.load(shipped_models()[model]).metadata_props}
+
+
+def largest_disparity(facts: dict[str, str]) -> float:
+    """Return the disparity from which a pixel counts as out of range, px at the network's input."""
+    return int(facts["endosdk.max_candidate_disparity"]) - _core.range_margin
+
+
 def range_table(model: str) -> str:
     """The nearest depth that one model sees on real rigs, from its own metadata.
 
     A model without an inference width takes frames up to 960 px as they are: its table is that of such frames.
     """
-    facts = {entry.key: entry.value for entry in onnx.load(shipped_models()[model]).metadata_props}
-    # Half a pixel before the last candidate a pixel counts as out of range.
-    end = int(facts["endosdk.max_candidate_disparity"]) - _core.range_margin
+    facts = facts_of(model)
+    end = largest_disparity(facts)
     stated = facts.get("endosdk.inference_width")
     share = end / int(stated or WIDEST_UNRESIZED)
     of = "the width" if stated else f"the width, frames {WIDEST_UNRESIZED} px wide"

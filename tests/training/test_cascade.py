@@ -160,5 +160,9 @@ def test_both_stages_run_in_integers(exported_cascade, tmp_path):
 def test_the_range_is_a_multiple_of_64(value):
     with pytest.raises(InvalidArgument, match="max_disparity: must be a positive multiple of 64"):
         build_network("cascade", max_disparity=value)
-    with pytest.raises(InvalidArgument, match="dense_disparity"):
-        build_network("cascade", max_disparity=RANGE, dense_disparity=value or 32)
+
+
+@pytest.mark.parametrize("value", [0, -64, 32, 192])
+def test_dense_planes_end_at_a_multiple_of_64_within_the_range(value):
+    with pytest.raises(InvalidArgument, match=rf"dense_disparity: .* max_disparity {RANGE}; got {value} "):
+        build_network("cascade", max_disparity=RANGE, dense_disparity=value)

@@ -88,8 +88,10 @@ class Cascade(StereoNetwork):
         super().__init__()
         self.hint_unit = 1.0  # cells; of the disparity that the refinement is given
         self.max_disparity = check_max_disparity(max_disparity, RANGE_STEP)
-        if dense_disparity is not None and dense_disparity % RANGE_STEP:
-            raise InvalidArgument("dense_disparity", f"must be a multiple of {RANGE_STEP}", dense_disparity)
+        if dense_disparity is not None and (dense_disparity % RANGE_STEP or not 0 < dense_disparity <= max_disparity):
+            # Here and not by `Fast`, which would name the numbers that it was given.
+            rule = f"must be a multiple of {RANGE_STEP} of at most max_disparity {max_disparity}"
+            raise InvalidArgument("dense_disparity", rule, dense_disparity)
         self.first = Fast(
             max_disparity * SEEN // WHOLE,
             dense_disparity=None if dense_disparity is None else dense_disparity * SEEN // WHOLE,
