@@ -328,7 +328,7 @@ def test_one_command_does_it_all_and_goes_on_where_it_stopped(tiny_set, tmp_path
         assert "minutes are over" in capsys.readouterr().err
     assert main(["all", f"--data={tiny_set}", *places, *short, *chosen, "--minutes=0.0001"]) == 0
     assert "minutes are over" in capsys.readouterr().err
-    # Quick machines come to the first step before they are stopped. A run with a checkpoint has a row, no other has one.
+    # Quick machines come to the first step before they are stopped. A run with a checkpoint has a row, no other has.
     begun = (tmp_path / "runs/gpu/paper-72" / checkpoint.LAST).exists()
     assert begun == (f"\n| {LABELS['paper-72']} |" in (tmp_path / "docs/report.md").read_text())
     assert main(["all", f"--data={tiny_set}", *places, *short, *chosen]) == 0

@@ -71,16 +71,6 @@ def test_the_second_look_starts_from_the_answer_to_the_first():
             torch.testing.assert_close(hint, coarse.disparity / CELL)
 
 
-def test_weights_of_one_look_answer_both_alike():
-    one = {name: value for name, value in shaken(cascade()).state_dict().items() if not name.startswith("earlier.")}
-    network = cascade()
-    network.load_state_dict(network.adapted(one, RANGE, DENSE))
-    state = network.state_dict()
-    for name in one:
-        if name.startswith("refinement."):
-            assert torch.equal(state["earlier." + name.removeprefix("refinement.")], one[name]), name
-
-
 def test_it_starts_with_the_first_answer_and_can_take_a_surface_nearby():
     network = cascade().eval()
     coarse = network.coarse(*views(64, 128))

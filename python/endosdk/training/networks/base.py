@@ -95,15 +95,6 @@ class StereoNetwork(nn.Module, ABC):
         """Return the weights of a network of this kind, with planes of its own, as this one can take them."""
         return weights
 
-    def with_clues(self, weights: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Return weights from before the confidence read clues with a `Surveyor` that adds nothing."""
-        part = "confidence.surveyor."
-        if any(name.startswith(part) for name in weights):
-            return weights
-        own = {name: value for name, value in self.state_dict().items() if name.startswith(part)}
-        fitted = torch.cat([weights["confidence.weights"], torch.ones(1)])
-        return weights | own | {"confidence.weights": fitted}
-
     def deploy_at(self, output_stride: int | None) -> None:
         """Let the deployed form have this output stride; None: the network's own.
 

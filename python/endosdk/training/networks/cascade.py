@@ -47,14 +47,11 @@ from endosdk.training.networks.fast import (
     surface_hints,
     surfaces_around,
     unshuffled,
-    with_change,
 )
 from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, over_byte_rows
 from endosdk.training.networks.photometric import brightness, moments, step
 
 FIRST = "first."  # prefix of the names of the first stage's weights
-EARLIER, REFINEMENT = "earlier.", "refinement."  # likewise, of what answers the first and the second look
-FITTED = "confidence.weights"
 SEEN, WHOLE = 3, 4  # the first stage sees so many pixels where the frame has so many, along each axis
 RANGE_STEP = 64  # px; SEEN / WHOLE of it holds whole pairs of wide planes
 
@@ -114,26 +111,10 @@ class Cascade(StereoNetwork):
     def adapted(self, weights: dict[str, Tensor], max_disparity: int, dense_disparity: int | None) -> dict[str, Tensor]:
         """Return weights of a `Cascade`, or those of a `Fast` with a second stage as it is now."""
         if any(name.startswith(FIRST) for name in weights):
-            weights = self.with_earlier(self.with_clues(weights))
-            first = {name.removeprefix(FIRST): value for name, value in weights.items() if name.startswith(FIRST)}
-            first = self.first.with_surfaces(with_change(self.first.with_clues(first)))
-            return weights | {FIRST + name: value for name, value in first.items()}
+            return weights
         own = {name: value for name, value in self.state_dict().items() if not name.startswith(FIRST)}
         first = self.first.adapted(weights, max_disparity, dense_disparity)
         return own | {FIRST + name: value for name, value in first.items()}
-
-    def with_earlier(self, weights: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Return weights from before the views were looked at twice, with the same refinement for both looks.
-
-        What was fitted to the answers of one look says nothing of those of two: the confidence has to be fitted anew.
-        """
-        if not any(name.startswith(EARLIER) for name in weights):
-            names = [name for name in weights if name.startswith(REFINEMENT)]
-            weights = weights | {name.replace(REFINEMENT, EARLIER, 1): weights[name] for name in names}
-        if weights[FITTED].shape == self.state_dict()[FITTED].shape:
-            return weights
-        part = FITTED.partition(".")[0]
-        return weights | {name: value for name, value in self.state_dict().items() if name.startswith(part)}
 
     def train(self, mode: bool = True) -> Cascade:
         """Set the second stage to train; the first keeps its statistics."""

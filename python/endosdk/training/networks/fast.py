@@ -48,15 +48,6 @@ WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the ot
 NEARBY = 5, 13  # cells, along each axis, within which the confidence looks for jumps of the disparity
 EVIDENCE = 6  # channels of evidence
 CLUES = HINTS - 1 + 2 + len(NEARBY)  # channels that the confidence reads besides its evidence
-# Weights that were narrower before the refinement knew the surfaces around, and along which axis.
-GROWN = {
-    "refinement.hints.weight": 1,
-    "refinement.last.weight": 0,
-    "refinement.last.bias": 0,
-    "confidence.surveyor.mean": 1,
-    "confidence.surveyor.spread": 1,
-    "confidence.surveyor.mix.weight": 1,
-}
 ROUGH_SLOPE = 0.0  # plain rectifiers: runtimes fold them into 8-bit convolutions for nothing
 
 
@@ -128,13 +119,8 @@ class Fast(StereoNetwork):
         """Return the weights of a `Fast` with planes of its own as this one can take them.
 
         Only the surroundings know the planes apart: each plane takes the weights of the nearest of the other network.
-        Weights from before there were surroundings, or clues for the confidence, get some that correct nothing.
         """
-        weights = self.with_surfaces(with_change(self.with_clues(weights)))
         part = "aggregation.surroundings."
-        if not any(name.startswith(part) for name in weights):
-            own = {name: value for name, value in self.state_dict().items() if name.startswith(part)}
-            return weights | own
         planes = candidate_planes(max_disparity, dense_disparity)
         if planes == self.planes:
             return weights
@@ -146,19 +132,6 @@ class Fast(StereoNetwork):
                 self.planes.shifts,
             ).items()
         }
-
-    def with_surfaces(self, weights: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Return weights from before the refinement knew the surfaces around with some that make nothing of them."""
-        own = self.state_dict()
-        fresh = {"confidence.surveyor.spread": 1.0}
-        grown = {}
-        for name, axis in GROWN.items():
-            missing = own[name].shape[axis] - weights[name].shape[axis]
-            new = own[name].narrow(axis, weights[name].shape[axis], missing)
-            if name != "refinement.last.bias":  # the gates start where `START` says
-                new = torch.full_like(new, fresh.get(name, 0.0))
-            grown[name] = torch.cat([weights[name], new], dim=axis)
-        return weights | grown
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8, give the answer at 1/4, and compare the pictures there."""
@@ -333,19 +306,6 @@ class Refinement(nn.Module):
 def log_largest(change: Tensor) -> Tensor:
     """Return the logarithm [N, 1, h, w] of the largest change [N, C, h, w], px, within each cell."""
     return torch.log(change.detach().abs().amax(dim=1, keepdim=True) + 0.05)
-
-
-def with_change(weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Return weights from before the last channel of evidence, the change, with a confidence that ignores it."""
-    part = "confidence.weights"
-    if len(weights[part]) == 1 + EVIDENCE + 1:
-        return weights
-    grown = {part: torch.cat([weights[part][:EVIDENCE], torch.zeros(1), weights[part][EVIDENCE:]])}
-    for name, value in (("mean", 0.0), ("spread", 1.0), ("mix.weight", 0.0)):
-        name = f"confidence.surveyor.{name}"
-        before, after = torch.tensor_split(weights[name], [EVIDENCE - 1], dim=1)
-        grown[name] = torch.cat([before, torch.full_like(before[:, :1], value), after], dim=1)
-    return weights | grown
 
 
 def surfaces_around(disparity: Tensor) -> list[Tensor]:
