@@ -266,6 +266,8 @@ def test_weights_of_another_release_are_refused_with_a_name():
     assert len(older) < len(network.state_dict())
     with pytest.raises(InvalidArgument, match=f"must hold the weights of fast.*such as {PART}"):
         checkpoint.Checkpoint(CONFIG, 7, STATE, older, {}).build()
+    with pytest.raises(InvalidArgument, match="must hold the weights of fast"):  # also by planes of another range
+        checkpoint.Checkpoint(CONFIG, 7, STATE, older, {}).load_into(build_network("fast", 64))
 
 
 def test_surroundings_of_other_planes_are_taken_from_the_nearest():
