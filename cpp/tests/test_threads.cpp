@@ -1,6 +1,7 @@
 // The pool under several callers that want different numbers of threads: for the thread sanitizer, and for answers that
 // must add up.
 #include <atomic>
+#include <new>
 #include <thread>
 #include <vector>
 
@@ -70,6 +71,36 @@ void test_each_thread_has_its_own_count() {
   CHECK(thread_count() == 3);
 }
 
+// Which thread throws must make no difference to the caller, who may be one of them.
+void test_what_a_body_throws_reaches_the_caller() {
+  constexpr int threads = 3;
+  set_thread_count(threads);
+  for (int repeat = 0; repeat < 100; ++repeat) {
+    for (int thrower = -1; thrower < threads; ++thrower) {  // -1: all of them
+      std::atomic<int> inside{0};
+      std::atomic<bool> over{false};
+      const auto body = [&](int, int, int worker) {
+        const std::vector<int> held(100, worker);  // must be freed
+        ++inside;
+        while (thrower >= 0 && worker != thrower && !over) std::this_thread::yield();  // leaves it to that one
+        --inside;
+        if (thrower < 0 || worker == thrower) {
+          over = true;
+          throw std::bad_alloc();
+        }
+      };
+      bool caught = false;
+      try {
+        parallel_for(64, 1, body);
+      } catch (const std::bad_alloc&) {
+        caught = true;
+      }
+      CHECK(caught && inside == 0);
+    }
+    test_every_index_once(64, 1);
+  }
+}
+
 }  // namespace
 
 int main() {
@@ -82,6 +113,7 @@ int main() {
   test_loops_inside_loops();
   test_callers_with_different_counts();
   test_each_thread_has_its_own_count();
+  test_what_a_body_throws_reaches_the_caller();
   CHECK(rejection([] { set_thread_count(0); }) == "threads: must be 1 to 256; got 0");
   return 0;
 }

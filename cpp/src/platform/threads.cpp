@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <exception>
 #include <mutex>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "platform/system.hpp"
@@ -23,10 +25,17 @@ struct Loop {
   int block = 1;
   int workers = 0;
   std::atomic<int> next{0};
+  std::atomic<bool> failed{false};
+  std::exception_ptr failure;  // of the body that failed first; it alone writes here
 
-  void work(int worker) {
-    for (int begin = next.fetch_add(block); begin < count; begin = next.fetch_add(block)) {
-      (*body)(begin, std::min(begin + block, count), worker);
+  void work(int worker) noexcept {
+    try {
+      for (int begin = next.fetch_add(block); begin < count; begin = next.fetch_add(block)) {
+        (*body)(begin, std::min(begin + block, count), worker);
+      }
+    } catch (...) {
+      if (!failed.exchange(true)) failure = std::current_exception();
+      next = count;
     }
   }
 };
@@ -51,6 +60,7 @@ class Pool {
       loop_.block = block;
       loop_.workers = workers;
       loop_.next = 0;
+      loop_.failed = false;
       ++generation_;
       open_ = true;
     }
@@ -60,6 +70,9 @@ class Pool {
     std::unique_lock lock(mutex_);
     open_ = false;
     done_.wait(lock, [&] { return active_ == 0; });
+    const std::exception_ptr failure = std::exchange(loop_.failure, nullptr);
+    lock.unlock();
+    if (failure) std::rethrow_exception(failure);
   }
 
  private:

@@ -63,7 +63,9 @@ class LoopBody {
 };
 
 // Calls `body` for blocks of at most `block` indices that together cover 0 to count. Only workers below `workers` take
-// part: a body with scratch memory per worker passes how many it has. The body must not throw.
+// part: a body with scratch memory per worker passes how many it has. What a body throws, on whichever thread, reaches
+// the caller once no worker is in the loop. Blocks that have not begun are left out; of several exceptions the first is
+// kept.
 void parallel_for(int count, int block, LoopBody body, int workers = max_threads);
 
 }  // namespace endosdk

@@ -2,6 +2,7 @@
 #include <dlfcn.h>
 #include <pthread.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -84,10 +85,55 @@ void a_network_without_memory_is_out_of_memory(const Places& at) {
   CHECK(we_were_short && network_was_short);
 }
 
+// What becomes of the first frame of a process that may have so much more memory than it has once the model is open.
+int first_frame_within(rlim_t more, const Places& at, const endo_options& options, const Pair& pair) {
+  const pid_t child = fork();
+  CHECK(child >= 0);
+  if (child == 0) {
+    const Opened estimator(at, options);
+    Output out(static_cast<size_t>(pair.width * pair.height));
+    allow(mapped_bytes() + more);
+    _exit(estimator.predict(pair, out));
+  }
+  int ended = 0;
+  CHECK(waitpid(child, &ended, 0) == child);
+  CHECK(WIFEXITED(ended));
+  return WEXITSTATUS(ended);
+}
+
+// Whichever thread of ours misses it, in whichever step: what follows the network needs the last megabytes.
+void a_worker_without_memory_is_out_of_memory(const Places& at) {
+  constexpr int w = 1280;
+  constexpr int h = 960;
+  constexpr rlim_t megabyte = rlim_t{1} << 20;
+  constexpr rlim_t watched = 6 * megabyte;
+  constexpr rlim_t step = megabyte / 8;
+  endo_options options = default_options(at);
+  options.threads = 2;
+  options.network_width = w / 8;
+  options.network_height = h / 8;
+  const Pair pair(w, h, 9);
+  rlim_t too_little = 0;
+  rlim_t enough = 1024 * megabyte;
+  CHECK(first_frame_within(enough, at, options, pair) == ENDO_OK);
+  while (enough - too_little > megabyte) {
+    const rlim_t middle = (too_little + enough) / 2;
+    const int status = first_frame_within(middle, at, options, pair);
+    CHECK(status == ENDO_OK || status == ENDO_OUT_OF_MEMORY);
+    (status == ENDO_OK ? enough : too_little) = middle;
+  }
+  CHECK(enough > watched);
+  for (rlim_t more = enough - watched; more < enough; more += step) {
+    const int status = first_frame_within(more, at, options, pair);
+    CHECK(status == ENDO_OK || status == ENDO_OUT_OF_MEMORY);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
+  a_worker_without_memory_is_out_of_memory(at);  // before this process has threads, which its children would lack
   a_runtime_without_threads_is_out_of_resources(at);
   a_network_without_memory_is_out_of_memory(at);
 }
