@@ -20,9 +20,12 @@ from benchmarks.tables.errors import (
 from benchmarks.tables.ranges import range_end_table, range_table
 from benchmarks.tables.records import CARDS, RESULTS, SOURCES
 from benchmarks.tables.speed import (
+    AVX2_SPEEDS,
+    GPU_SPEEDS,
     SPEEDS,
     arm_instructions_table,
     card_speed_table,
+    gpu_variants_table,
     release_files_table,
     short_speed_table,
     soak_table,
@@ -70,6 +73,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "lap": partial(parts_table, "accuracy/accuracy_lap"),
     "lap-cycles": partial(parts_table, "accuracy/accuracy_lap_cycles"),
     "speed": partial(speed_table, SPEEDS),
+    "speed-avx2": partial(speed_table, AVX2_SPEEDS),
+    "speed-gpu": partial(speed_table, GPU_SPEEDS),
+    "gpu-variants": gpu_variants_table,
     "range-end": range_end_table,
     "arm-instructions": arm_instructions_table,
     "attacks": attacks_table,

@@ -16,12 +16,22 @@ SPEEDS = {
     "accurate": "accurate, 960 x 720, 2",
     "wang2020": "wang2020, 960 x 720, 2",
 }
+AVX2_SPEEDS = {
+    "zen3_fast": "fast, 960 x 720, 2",
+    "zen3_fast-320": "fast-320, 960 x 720, 2",
+    "zen3_accurate": "accurate, 960 x 720, 2",
+}
+GPU_SPEEDS = {
+    "h200_fast-fp32": "fast-fp32, 960 x 720, 2",
+    "h200_accurate-fp32": "accurate-fp32, 960 x 720, 2",
+}
 SHORT_SPEEDS = {
     "fast": "fast, 960 x 720, VNNI",
     "fast_1920x1080": "fast, 1920 x 1080, VNNI",
     "fast-320": "fast-320, 960 x 720, VNNI",
     "accurate": "accurate, 960 x 720, VNNI",
 }
+GPU_OPTIONS = ("prefer_nhwc", "enable_cuda_graph")
 # What a card shows of the speed, besides the run at 960 x 720 on two threads.
 CARD_RUNS = ("1920x1080", "1thread")
 
@@ -47,6 +57,22 @@ def speed_table(runs: dict[str, str]) -> str:
         rows.append([marked, *rates, f"{delay['p50']:.1f} ms", f"{delay['p99']:.1f} ms", f"{sgbm:.1f}"])
     heads = ["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99", "StereoSGBM, FPS"]
     return table(heads, rows)
+
+
+def gpu_variants_table() -> str:
+    """The network alone on a graphics card: precision, options of the provider, and how far its answers are off."""
+    run = records.read("speed/h200_variants")
+    rows = []
+    for name, model in run["models"].items():
+        label = records.marked(name, run["model_sha256"][name])
+        for found in model["variants"]:
+            options, times = found["options"], (found[key] for key in ("on_device_ms", "with_copies_ms"))
+            told = [found["precision"], *("yes" if options[key] == "1" else "no" for key in GPU_OPTIONS)]
+            rows.append(
+                [label, *told, *(f"{time['p50']:.1f} ms" for time in times), f"{found['parity']['mean_px']:.6f}"]
+            )
+    options = (f"`{name}`" for name in GPU_OPTIONS)
+    return table(["model", "floats", *options, "on the card", "with copies", "mean difference from a CPU, px"], rows)
 
 
 def card_speed_table(model: str) -> str:
