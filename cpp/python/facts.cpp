@@ -13,7 +13,7 @@
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
 #include "model/model.hpp"
-#include "model/out_of_resources.hpp"
+#include "model/runtime_resources.hpp"
 #include "model/placement.hpp"
 #include "model/provider_options.hpp"
 #include "model/providers.hpp"
@@ -97,6 +97,10 @@ void bind_providers(py::module_& m) {
 void bind_models(py::module_& m) {
   m.def("is_out_of_resources", &is_out_of_resources, py::arg("message"),
         "Whether the text of an error of ONNX Runtime says that memory or threads are used up.");
+  m.def("require_memory_for_runtime", &require_memory_for_runtime,
+        "Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime.");
+  m.def("require_memory_for_session", &require_memory_for_session, py::arg("threads"), py::arg("model_bytes"),
+        "Raise OutOfMemory unless the system has enough memory left to make a session of a model file.");
   m.def(
       "parse_metadata",
       [](const std::map<std::string, std::string>& metadata, const std::string& sha256) {

@@ -92,6 +92,12 @@ def wants_float32_model(provider: str) -> bool:
 def is_out_of_resources(message: str) -> bool:
     """Return whether the text of an error of ONNX Runtime says that memory or threads are used up."""
 
+def require_memory_for_runtime() -> None:
+    """Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime."""
+
+def require_memory_for_session(threads: int, model_bytes: int) -> None:
+    """Raise OutOfMemory unless the system has enough memory left to make a session of a model file."""
+
 def parse_metadata(metadata: dict[str, str], sha256: str) -> dict[str, Any]:
     """Return what a model says of itself, by field of `ModelInfo`; name the key that is missing or wrong."""
 

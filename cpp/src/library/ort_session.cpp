@@ -170,6 +170,7 @@ std::shared_ptr<Session> OrtStereoSession::for_one_thread_each() {
 void OrtStereoSession::open() {
   const OrtApi& api = runtime_->api();
   const auto check = [&](OrtStatus* status) { runtime_->check(status, ENDO_INTERNAL, "runtime", "must take its settings"); };
+  require_memory_for_session(settings_.threads, file_->data.size());
   OrtEnv* environment = nullptr;
   // The environment is the whole process's; what it would print goes to each session's own log instead.
   check(api.CreateEnv(ORT_LOGGING_LEVEL_FATAL, "endosdk", &environment));

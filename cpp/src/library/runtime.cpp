@@ -67,6 +67,7 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const std:
   const auto pass_on = [&](const std::string& reason) { tried += (tried.empty() ? "" : "; ") + reason; };
   for (const std::string& place : places(path)) {
     const bool was_loaded = system::is_loaded(place);
+    if (!was_loaded) require_memory_for_runtime();
     std::string why;
     void* library = system::open_library(place, why);
     if (library == nullptr) {

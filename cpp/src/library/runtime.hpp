@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "model/out_of_resources.hpp"
+#include "model/runtime_resources.hpp"
 #include "platform/log.hpp"
 #include "platform/errors.hpp"
 

@@ -2,6 +2,7 @@
 // system_windows.cpp, and nowhere else.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,7 +43,7 @@ bool set_environment(const char* name, const char* value);
 // The bytes of a regular file. None where there is none or it cannot be read; `why` then says so. Never waits for a pipe.
 std::optional<std::vector<char>> read_file(const std::string& path, std::string& why);
 
-// ---- Processor and threads ----
+// ---- Processor, memory and threads ----
 
 // Cores that this process may use.
 int usable_cores();
@@ -55,6 +56,9 @@ bool has_arm_dot_products();
 
 // What debuggers and `top` show of the calling thread; at most 15 bytes.
 void name_this_thread(const char* name);
+
+// Whether the system gives this process so many more bytes of memory now. None of them stays.
+bool has_memory(size_t bytes);
 
 long process_id();
 

@@ -136,6 +136,11 @@ int usable_cores() {
   return count;
 }
 
+bool has_memory(size_t bytes) {
+  void* memory = VirtualAlloc(nullptr, bytes, MEM_RESERVE | MEM_COMMIT, PAGE_READWRITE);
+  return memory != nullptr && VirtualFree(memory, 0, MEM_RELEASE) != 0;
+}
+
 void name_this_thread(const char* name) {
   // From Windows 10 on, and so looked for.
   using SetDescription = HRESULT(WINAPI*)(HANDLE, PCWSTR);

@@ -85,20 +85,44 @@ void a_network_without_memory_is_out_of_memory(const Places& at) {
   CHECK(we_were_short && network_was_short);
 }
 
-// What becomes of the first frame of a process that may have so much more memory than it has once the model is open.
-int first_frame_within(rlim_t more, const Places& at, const endo_options& options, const Pair& pair) {
+// How a call ends in a process of its own; a signal fails the test.
+template <typename Call>
+int status_elsewhere(const Call& call) {
   const pid_t child = fork();
   CHECK(child >= 0);
-  if (child == 0) {
-    const Opened estimator(at, options);
-    Output out(static_cast<size_t>(pair.width * pair.height));
-    allow(mapped_bytes() + more);
-    _exit(estimator.predict(pair, out));
-  }
+  if (child == 0) _exit(call());
   int ended = 0;
   CHECK(waitpid(child, &ended, 0) == child);
   CHECK(WIFEXITED(ended));
   return WEXITSTATUS(ended);
+}
+
+// With a little more memory each time, ONNX Runtime not loaded before, and more threads than the caller.
+void opening_without_memory_is_out_of_memory(const Places& at) {
+  constexpr rlim_t step = rlim_t{2} << 20;
+  endo_options options = default_options(at);
+  options.threads = 4;
+  int failed = 0;
+  for (rlim_t more = 0;; more += step, ++failed) {
+    const int status = status_elsewhere([&]() -> int {
+      endo_estimator* handle = nullptr;
+      allow(mapped_bytes() + more);
+      return endo_open_file(at.model.c_str(), &options, &handle);
+    });
+    if (status == ENDO_OK) break;
+    CHECK(status == ENDO_OUT_OF_MEMORY);
+  }
+  CHECK(failed > 10);
+}
+
+// What becomes of the first frame of a process that may have so much more memory than it has once the model is open.
+int first_frame_within(rlim_t more, const Places& at, const endo_options& options, const Pair& pair) {
+  return status_elsewhere([&]() -> int {
+    const Opened estimator(at, options);
+    Output out(static_cast<size_t>(pair.width * pair.height));
+    allow(mapped_bytes() + more);
+    return estimator.predict(pair, out);
+  });
 }
 
 // Whichever thread of ours misses it, in whichever step: what follows the network needs the last megabytes.
@@ -133,7 +157,9 @@ void a_worker_without_memory_is_out_of_memory(const Places& at) {
 
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
-  a_worker_without_memory_is_out_of_memory(at);  // before this process has threads, which its children would lack
+  // Before this process loads the runtime, and has threads, which its children would lack.
+  opening_without_memory_is_out_of_memory(at);
+  a_worker_without_memory_is_out_of_memory(at);
   a_runtime_without_threads_is_out_of_resources(at);
   a_network_without_memory_is_out_of_memory(at);
 }

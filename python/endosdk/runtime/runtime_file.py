@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.util
-import mmap
 import re
 from pathlib import Path
 
@@ -38,14 +37,3 @@ def check_pin(expected: str) -> None:
         raise RuntimeMissing("onnxruntime", must_install("cpu"), "none")
     if (seen := sha256_of(file)) != expected.lower():
         raise RuntimeHashMismatch("runtime", f"{file} must have SHA-256 {expected.lower()}", seen)
-
-
-def lacks_memory(error: ImportError) -> bool:
-    """Whether a library could not be loaded because memory is used up; the loader says the same of other causes."""
-    if error.path is None or "failed to map segment" not in str(error):
-        return False
-    try:
-        mmap.mmap(-1, 2 * Path(error.path).stat().st_size).close()
-    except OSError:
-        return True
-    return False

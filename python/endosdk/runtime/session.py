@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib.metadata
+import sys
 import threading
 import warnings
 from collections import Counter, defaultdict
@@ -45,11 +46,11 @@ def load_runtime(sha256: str | None = None) -> Any:
     if sha256 is not None:
         runtime_file.check_pin(sha256)
     telemetry.disable()
+    if "onnxruntime" not in sys.modules:
+        _core.require_memory_for_runtime()
     try:
         import onnxruntime
     except ImportError as error:
-        if runtime_file.lacks_memory(error):
-            raise OutOfMemory("onnxruntime", "its library must fit into memory", error) from error
         raise RuntimeMissing("onnxruntime", must_install("cpu"), str(error)) from error
     if telemetry.started_by_host():
         warnings.warn(
@@ -185,6 +186,7 @@ class StereoSession:
         """
         # The runtime hangs where the system runs out of threads while it starts its own, so they are asked for first.
         _core.reserve_threads(self._threads)
+        _core.require_memory_for_session(self._threads, len(self._model.data))
         providers = [(provider, provider_options)]
         try:
             return self._runtime.InferenceSession(self._model.data, options, providers=providers, enable_fallback=0)
