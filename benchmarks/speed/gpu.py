@@ -38,8 +38,7 @@ from endosdk.training.networks.base import Deployed
 Array = np.ndarray
 Options = dict[str, str]
 
-# Floats are not rounded, as in the frame path. An exhaustive search for algorithms takes minutes, which a minute of
-# graphs, orders and precisions does not leave.
+# As in the frame path, floats are not rounded to TF32. The exhaustive search for algorithms takes minutes: left out.
 SWEEP: dict[str, tuple[str, ...]] = {
     "prefer_nhwc": ("0", "1"),
     "use_tf32": ("0",),

@@ -31,7 +31,6 @@ SHORT_SPEEDS = {
     "fast-320": "fast-320, 960 x 720, VNNI",
     "accurate": "accurate, 960 x 720, VNNI",
 }
-GPU_OPTIONS = ("prefer_nhwc", "enable_cuda_graph")
 # What a card shows of the speed, besides the run at 960 x 720 on two threads.
 CARD_RUNS = ("1920x1080", "1thread")
 
@@ -62,17 +61,19 @@ def speed_table(runs: dict[str, str]) -> str:
 def gpu_variants_table() -> str:
     """The network alone on a graphics card: precision, options of the provider, and how far its answers are off."""
     run = records.read("speed/h200_variants")
+    variants = [(name, found) for name, model in run["models"].items() for found in model["variants"]]
+    every = [found["options"] for _, found in variants]
+    swept = [option for option in every[0] if len({options[option] for options in every}) > 1]
     rows = []
-    for name, model in run["models"].items():
-        label = records.marked(name, run["model_sha256"][name])
-        for found in model["variants"]:
-            options, times = found["options"], (found[key] for key in ("on_device_ms", "with_copies_ms"))
-            told = [found["precision"], *("yes" if options[key] == "1" else "no" for key in GPU_OPTIONS)]
-            rows.append(
-                [label, *told, *(f"{time['p50']:.1f} ms" for time in times), f"{found['parity']['mean_px']:.6f}"]
-            )
-    options = (f"`{name}`" for name in GPU_OPTIONS)
-    return table(["model", "floats", *options, "on the card", "with copies", "mean difference from a CPU, px"], rows)
+    for name, found in variants:
+        told = ["yes" if found["options"][option] == "1" else "no" for option in swept]
+        cells = ["did not run"] * 3
+        if "failed" not in found:
+            cells = [f"{found[key]['p50']:.1f} ms" for key in ("on_device_ms", "with_copies_ms")]
+            cells.append(f"{found['parity']['mean_px']:.6f}")
+        rows.append([records.marked(name, run["model_sha256"][name]), found["precision"], *told, *cells])
+    heads = ["model", "floats", *(f"`{option}`" for option in swept)]
+    return table([*heads, "on the card", "with copies", "mean difference from a CPU, px"], rows)
 
 
 def card_speed_table(model: str) -> str:

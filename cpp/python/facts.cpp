@@ -13,10 +13,10 @@
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
 #include "model/model.hpp"
-#include "model/runtime_resources.hpp"
 #include "model/placement.hpp"
 #include "model/provider_options.hpp"
 #include "model/providers.hpp"
+#include "model/runtime_resources.hpp"
 #include "model/seal.hpp"
 #include "model/weights.hpp"
 

@@ -184,7 +184,8 @@ class StereoSession:
 
         Raises OutOfMemory where memory or threads are used up, otherwise this kind of failure.
         """
-        # The runtime hangs where the system runs out of threads while it starts its own, so they are asked for first.
+        # Where the system runs out of them meanwhile, the runtime hangs for want of threads and can end the process for
+        # want of memory. So both are asked for first.
         _core.reserve_threads(self._threads)
         _core.require_memory_for_session(self._threads, len(self._model.data))
         providers = [(provider, provider_options)]
