@@ -14,6 +14,7 @@ from benchmarks.paper.verdicts import Bound, Rows, repeat_bound
 from benchmarks.tables.records import marked
 
 NOT_RECORDED = "not recorded"
+SAME_ERROR = 1e-3  # share by which a method's errors on two renderings of the same pictures may differ
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,48 @@ class PaperRecords:
         if table["sha256"] != self.table["sha256"]:
             return f"{table['dataset']}, rendered anew"
         return f"{table['dataset']}, first {table['pairs']}"
+
+    @cached_property
+    def same_pictures(self) -> dict[str, dict[str, Any]]:
+        """Table 1 and the tables on other renderings of its pictures, by the name of their pairs.
+
+        Another processor writes other files for the same scenes. So the errors tell: methods whose results are the
+        same everywhere, matchers and shipped models, must have those of Table 1.
+        """
+        return {pairs: found for pairs, found in self.tables.items() if found is self.table or self._alike(found)}
+
+    def _alike(self, other: dict[str, Any]) -> bool:
+        if any(other.get(key) != self.table.get(key) for key in ("dataset", "pairs")):
+            return False
+        known, found = self.table["methods"], other["methods"]
+        both = [
+            (known[name], found[name]) for name in known.keys() & found.keys() if "checkpoint_sha256" not in known[name]
+        ]
+        same = [(a, b) for a, b in both if a.get("model_sha256") == b.get("model_sha256")]
+        return bool(same) and all(abs(a["epe"] - b["epe"]) <= SAME_ERROR * a["epe"] for a, b in same)
+
+    @cached_property
+    def compared(self) -> Rows:
+        """Every method on the pictures of Table 1, by its name; the row of Table 1 where there are several."""
+        rows: Rows = {}
+        for found in self.same_pictures.values():
+            rows = {**found["methods"], **rows}
+        return rows
+
+    def beside_each_other(self, *names: str) -> tuple[str, Rows] | None:
+        """Return where these methods can be compared: the pairs, and the rows on them; None where they cannot.
+
+        That is on the pictures of Table 1 or, where one was never scored on all of these, on fewer.
+        """
+        if all(name in self.compared for name in names):
+            seen = (
+                next(pairs for pairs, found in self.same_pictures.items() if name in found["methods"]) for name in names
+            )
+            return " and ".join(dict.fromkeys(seen)), self.compared
+        for pairs, found in self.tables.items():
+            if found["sha256"] == self.table.get("sha256") and all(name in found["methods"] for name in names):
+                return pairs, found["methods"]
+        return None
 
     @cached_property
     def ablations(self) -> dict[str, Any]:

@@ -38,16 +38,12 @@ def repeats_table(records: PaperRecords) -> str:
 
 
 def methods_table(records: PaperRecords) -> str:
-    """Each run of wang2020 against each other method, in the first table on the set of Table 1 that has both."""
+    """Each run of wang2020 against each other method that was scored on the same pictures."""
     rows = []
-    first = records.table.get("sha256")
-    here = {pairs: found for pairs, found in records.tables.items() if found["sha256"] == first}
     for run in JUDGED:
         for other in COMPARED:
-            both = [
-                (pairs, found["methods"]) for pairs, found in here.items() if {run, other} <= found["methods"].keys()
-            ]
-            for pairs, methods in both[:1]:
+            if (place := records.beside_each_other(run, other)) is not None:
+                pairs, methods = place
                 for what, verdict in (
                     ("error, px", error_verdict(run, other, methods, records.bound)),
                     ("time, ms", time_verdict(run, other, methods)),
@@ -59,7 +55,7 @@ def methods_table(records: PaperRecords) -> str:
 
 def pictures_table(records: PaperRecords) -> str:
     """What the paper's pictures show."""
-    rows = records.table.get("methods", {})
+    rows = records.compared
     return table(
         ["the paper's pictures", *VERDICT],
         [[order.text, *_cells(order_verdict(order, rows, records.bound))] for order in FIGURE_ORDERS],

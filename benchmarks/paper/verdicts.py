@@ -133,8 +133,9 @@ def order_verdict(order: Order, rows: Rows, bound: Bound) -> Verdict:
     if missing:
         return Verdict(NOT_RUN, why=f"lacks {'; '.join(missing)}")
     values = [_seen_in_pictures(rows[name], order.measure) for name in order.methods]
-    if any(value is None for value in values):
-        return Verdict(NOT_MEASURED)
+    unknown = [LABELS[name] for name, value in zip(order.methods, values, strict=True) if value is None]
+    if unknown:
+        return Verdict(NOT_MEASURED, why=f"lacks {'; '.join(unknown)}")
     numbers = "; ".join(f"{LABELS[name]}: {value:.3f}" for name, value in zip(order.methods, values, strict=True))
     if not bound.known:
         return Verdict(UNDECIDED, numbers, bound.lacking)

@@ -136,6 +136,25 @@ def test_a_method_that_only_a_smaller_table_has_is_judged_there(tmp_path, table1
     assert where[LABELS["sgbm"]] == "endosim-gi |"
 
 
+def test_another_rendering_of_the_same_pictures_counts(tmp_path, table1):
+    """The errors of what needs no training tell: the files of another processor have another hash."""
+    run = {**table1["methods"]["wang2020"], "epe": 0.1}
+    again = {**table1, "sha256": "other", "methods": {"paper-192": run, "bm": table1["methods"]["bm"]}}
+    write_json(tmp_path / "paper" / "table1.json", table1)
+    write_json(tmp_path / "paper" / "table1_again.json", again)
+    (found,) = (
+        line
+        for line in cells(tmp_path, "methods")
+        if line[0][2:] == LABELS["paper-192"] and "PatchMatch" in line[1] and "px" in line[2]
+    )
+    assert found[4].startswith("0.100 against 1.594") and found[-1] == "endosim-gi, rendered anew and endosim-gi |"
+
+    other = {**again["methods"]["bm"], "epe": 1.01 * again["methods"]["bm"]["epe"]}
+    for methods in ({**again["methods"], "bm": other}, {"paper-192": run}):
+        write_json(tmp_path / "paper" / "table1_again.json", {**again, "methods": methods})
+        assert LABELS["paper-192"] not in {line[0][2:] for line in cells(tmp_path, "methods")}
+
+
 def test_pairs_that_were_rendered_anew_stand_apart(tmp_path, table1, shipped):
     methods = {"shipped-fast": {**shipped["shipped-fast"], "version": "11"}}
     for name, content in (("table1", table1), ("table1_again", {**table1, "sha256": "other", "methods": methods})):

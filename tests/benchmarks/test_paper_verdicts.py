@@ -178,7 +178,8 @@ def test_pictures_are_ordered_by_blur_and_noise():
     rows["sgbm"]["noise"] = 0.205
     assert order_verdict(FIGURE_ORDERS[2], rows, KNOWN).word == UNDECIDED
     assert order_verdict(FIGURE_ORDERS[2], rows, TOO_FEW).why == "4 of 5 settings repeated"
-    assert order_verdict(FIGURE_ORDERS[2], {**rows, "sgbm": {}}, KNOWN) == Verdict(NOT_MEASURED)
+    unmeasured = order_verdict(FIGURE_ORDERS[2], {**rows, "sgbm": {}}, KNOWN)
+    assert unmeasured == Verdict(NOT_MEASURED, why="lacks StereoSGBM")
     missing = order_verdict(FIGURE_ORDERS[0], {"paper-192": {}}, KNOWN)
     assert missing == Verdict(NOT_RUN, why="lacks AnyNet as published")
 
