@@ -6,8 +6,9 @@ import sys
 
 import pytest
 
-from endosdk.errors import ErrorCode
-from tests.conftest import ROOT, TINY_MODEL
+from endosdk.errors import EndoError, ErrorCode
+from endosdk.runtime.stream import Feeder
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
 # Each step is tried with more and more memory until it is done, in one process: what failed must not be spoilt.
 PROGRAM = f"""
@@ -88,3 +89,28 @@ def test_memory_that_runs_out_is_one_error_wherever_it_is_missed(step):
     assert all(line.startswith(f"{ErrorCode.OUT_OF_MEMORY.value} ") for line in failed), failed
     # What the allocator kept of earlier frames is sometimes enough for one more.
     assert failed or step in ("predict", "rectify")
+
+
+class ForgetfulStream:
+    """A stream for which memory ends when an answer is fetched."""
+
+    def receive(self):
+        raise MemoryError
+
+    def submit(self, *frame):
+        pass
+
+    def wait_for_room(self):
+        return True
+
+    def end(self):
+        pass
+
+    def close(self):
+        pass
+
+
+def test_memory_that_runs_out_while_an_answer_is_fetched_has_its_code_too():
+    feeder = Feeder(iter([shifted_pair(64, 96, 8)]), lambda width, height: ForgetfulStream(), lambda *frame: None)
+    with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.value):
+        list(feeder.answers())

@@ -77,12 +77,16 @@ class Feeder:
         _open_streams.add(self)
         try:
             self._started.wait()
-            while self._stream is not None and (answer := self._stream.receive()) is not None:
+            while (answer := self._receive()) is not None:
                 yield *answer, self._frames.popleft()
             if self._error is not None:
                 raise self._error
         finally:
             self.close()
+
+    @typed_memory_errors()
+    def _receive(self) -> tuple[_core.FrameReport, Maps] | None:
+        return None if self._stream is None else self._stream.receive()
 
     def close(self) -> None:
         """End the stream."""
