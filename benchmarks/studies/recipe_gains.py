@@ -45,11 +45,36 @@ def variants(recipe: dict[str, Any], without_objects: tuple[str, ...], seed: int
 def scores(network: StereoNetwork, reader: DatasetReader, pairs: int) -> dict[str, float]:
     """Return the errors over the first so many pairs."""
     board = ScoreBoard()
-    for frame in predict_frames(network, reader, range(min(pairs, len(reader))), title=reader.name):
+    for frame in predict_frames(network, reader, range(pairs), title=reader.name):
         board.add(frame.maps[-1], frame.sample.disparity, occlusion=frame.sample.occlusion)
     found = board.result()
     parts = {"epe_px": found["all"]["epe_px"], "over_3px": found["all"]["kpe_3"]}
     return {name: round(value, 4) for name, value in parts.items()}
+
+
+# What runs are judged on: a set, and how many of its pairs, the first, are taken.
+JudgingSets = dict[str, tuple[DatasetReader, int]]
+
+
+def judging_sets(held_out: list[str], pairs: int, middlebury: Path) -> JudgingSets:
+    """Return so many pairs of each held-out set, and all path-traced and all of Middlebury's real ones."""
+    readers = {Path(root).name: open_dataset(Path(root), "train") for root in held_out}
+    sets = {name: (reader, min(pairs, len(reader))) for name, reader in readers.items()}
+    whole = {
+        "path-traced": open_dataset(PATH_TRACED, "test"),
+        "middlebury": open_dataset(middlebury, default_split("plain"), layout="plain"),
+    }
+    return {**sets, **{name: (reader, len(reader)) for name, reader in whole.items()}}
+
+
+def judged(network: StereoNetwork, sets: JudgingSets) -> dict[str, dict[str, float]]:
+    """Return the errors of a network on every set."""
+    return {name: scores(network.eval(), reader, pairs) for name, (reader, pairs) in sets.items()}
+
+
+def set_notes(sets: JudgingSets) -> dict[str, dict[str, str]]:
+    """Name the sets in a record."""
+    return {name: {"name": reader.name, "sha256": reader.sha256} for name, (reader, _) in sets.items()}
 
 
 def main() -> None:
@@ -65,30 +90,20 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, required=True)
     parser.add_argument("--json", type=Path, required=True)
     args = parser.parse_args()
-    sets = {Path(root).name: open_dataset(Path(root), "train") for root in args.held_out}
-    sets["path-traced"] = open_dataset(PATH_TRACED, "test")
-    sets["middlebury"] = open_dataset(args.middlebury, default_split("plain"), layout="plain")
-
-    def judged(network: StereoNetwork) -> dict[str, dict[str, float]]:
-        whole = ("path-traced", "middlebury")
-        return {
-            name: scores(network.eval(), reader, len(reader) if name in whole else args.pairs)
-            for name, reader in sets.items()
-        }
-
+    sets = judging_sets(args.held_out, args.pairs, args.middlebury)
     given: dict[str, Any] = {"init_from": args.start, "held_out": 0, "steps": args.steps, "threads": 1}
     given |= {"data": (args.gi, args.lap, args.shapes), "rate": 4e-4, "seed": args.seed, "validate_every": args.steps}
     recipe = {**checkpoint.inherited(args.start, given), **given}
-    found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build())}
+    found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
     for name, changes in variants(recipe, (args.gi, args.lap), args.seed).items():
         out = args.runs / name.replace(",", "").replace(" ", "-")
         there = (out / checkpoint.LAST).exists()
         if not there or checkpoint.load(out).step < args.steps:
             train(TrainConfig.from_dict({**recipe, **changes}), out, resume=there)
-        found[name] = judged(checkpoint.load(out).build())
+        found[name] = judged(checkpoint.load(out).build(), sets)
         print(name, found[name], flush=True)
         record = {
-            "datasets": {name: {"name": reader.name, "sha256": reader.sha256} for name, reader in sets.items()},
+            "datasets": set_notes(sets),
             "learned_from": {
                 root: open_dataset(Path(getattr(args, root)), "train").sha256 for root in ("gi", "lap", "shapes")
             },

@@ -52,11 +52,23 @@ def random_pair(
     ``mirrored`` is the pair as seen in a mirror (flipped views swapped, truth of the right view); None where the data
     has no truth for the right view. ``switches`` are names of `endosdk.training.looks.LOOKS`.
     """
+    return spoilt_pair(placed_pair(pair, mirrored, crop, rng, switches), rng, switches)
+
+
+def placed_pair(
+    pair: Pair, mirrored: Pair | None, crop: tuple[int, int], rng: Generator, switches: Collection[str] = ()
+) -> Pair:
+    """Draw where the cameras of a training pair are: the first part of `random_pair`."""
     if mirrored is not None and rng.random() < 0.5:
         pair = mirrored
     pair = _crop(pair, crop, rng, WIDE_SCALES if "scale" in switches else SCALES)
     if rng.random() < 0.5:
         pair = Pair(pair.left[::-1], pair.right[::-1], pair.disparity[::-1])
+    return pair
+
+
+def spoilt_pair(pair: Pair, rng: Generator, switches: Collection[str] = ()) -> Pair:
+    """Draw light, cameras and faults of a training pair: the second part of `random_pair`."""
     left, right = _colours(pair.left, pair.right, rng, 0.2 if "tone" in switches else 0.06)
     if rng.random() < 0.5:
         right = looks.misaligned(right, rng, rows_px=1.0, degrees=0.1)  # after a good calibration

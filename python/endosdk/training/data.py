@@ -37,7 +37,7 @@ class _Stored:
         return self.left.nbytes + self.right.nbytes + self.disparity.nbytes + right
 
 
-class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
+class Crops(Dataset[tuple[Tensor, ...]]):
     """An endless list of training crops; item i is a function of the seed and i alone.
 
     Each epoch visits every pair once, in an order of its own. Because nothing is remembered between items, a run that
@@ -74,22 +74,24 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         self._room = int(cache_gib * 2**30)
         self._check_size(self._load(self.indices[0]))
 
-    def __getitem__(self, item: int) -> tuple[Tensor, Tensor, Tensor]:
+    def __getitem__(self, item: int) -> tuple[Tensor, ...]:
         """Draw crop ``item`` >= 0."""
+        pair, mirrored, rng = self._drawn(item)
+        if self.augment:
+            return as_tensors(random_pair(pair, mirrored, self.crop, rng, self.looks))
+        return as_tensors(plain_pair(pair, self.crop, rng))
+
+    def _drawn(self, item: int) -> tuple[Pair, Pair | None, np.random.Generator]:
+        """Return the whole pair of crop ``item``, what a mirror shows of it, and what draws the rest."""
         epoch, position = divmod(item, len(self.indices))
         order = np.random.default_rng([self.seed, 0, epoch]).permutation(len(self.indices))
         stored = self._load(self.indices[int(order[position])])
-        rng = np.random.default_rng([self.seed, 1, item])
         self._check_size(stored)
-        pair = Pair(stored.left, stored.right, _truth(stored.disparity))
-        if self.augment:
-            mirrored = None
-            if stored.disparity_right is not None:
-                mirrored = mirror(stored.left, stored.right, _truth(stored.disparity_right))
-            pair = random_pair(pair, mirrored, self.crop, rng, self.looks)
-        else:
-            pair = plain_pair(pair, self.crop, rng)
-        return planar(pair.left), planar(pair.right), torch.from_numpy(np.ascontiguousarray(pair.disparity))[None]
+        mirrored = None
+        if self.augment and stored.disparity_right is not None:
+            mirrored = mirror(stored.left, stored.right, _truth(stored.disparity_right))
+        rng = np.random.default_rng([self.seed, 1, item])
+        return Pair(stored.left, stored.right, _truth(stored.disparity)), mirrored, rng
 
     def truth(self, index: int) -> NDArray[np.float32]:
         """Disparity [H, W] of a sample of the reader in px as the network sees it, NaN where there is none."""
@@ -102,7 +104,7 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
         if workers and multiprocessing.get_start_method() == "fork":
             self._decode_ahead(workers)
         items = [(step * world + rank) * batch + slot for step in range(first, last) for slot in range(batch)]
-        loader: DataLoader[tuple[Tensor, Tensor, Tensor]] = DataLoader(
+        loader: DataLoader[tuple[Tensor, ...]] = DataLoader(
             self, batch_size=batch, sampler=items, num_workers=workers, persistent_workers=False
         )
         yield from loader
@@ -139,6 +141,11 @@ class Crops(Dataset[tuple[Tensor, Tensor, Tensor]]):
             raise InvalidArgument(
                 "crop", f"must fit into frames of {height} x {width}, as the network sees them", self.crop
             )
+
+
+def as_tensors(pair: Pair) -> tuple[Tensor, Tensor, Tensor]:
+    """Turn a pair into what a network learns from."""
+    return planar(pair.left), planar(pair.right), torch.from_numpy(np.ascontiguousarray(pair.disparity))[None]
 
 
 def planar(view: NDArray[np.uint8]) -> Tensor:

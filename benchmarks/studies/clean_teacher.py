@@ -1,0 +1,139 @@
+"""What a clean teacher is worth to a student that sees spoilt pictures.
+
+    python -m benchmarks.studies.clean_teacher --lap DIR --shapes DIR --gi DIR --held-out DIR DIR DIR \\
+        --spoilt DIR --middlebury DIR --runs DIR --json FILE
+
+The teacher is the shipped network. It sees a crop as it was rendered; the student sees it with all looks of the recipe.
+Beside the losses of the recipe, the student is asked for the teacher's distribution over the planes of the volume.
+Runs with and without the teacher go on from the same weights, for as many steps, from two seeds: what differs by less
+than two seeds do is not told apart. ``--spoilt`` is the path-traced set with faults added (``endosdk simulate
+--spoil``). A run that is there is not repeated.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from benchmarks.record import write_record
+from benchmarks.studies.recipe_gains import judged, judging_sets, set_notes
+from benchmarks.weights import weights_sha256
+from endosdk.datasets.layouts import open_dataset
+from endosdk.training import checkpoint
+from endosdk.training.augment import placed_pair, spoilt_pair
+from endosdk.training.config import TrainConfig
+from endosdk.training.data import Crops, as_tensors, has_truth, planar
+from endosdk.training.networks.base import Prediction
+from endosdk.training.train import Run
+
+SEEDS = (31, 32)
+
+
+class SpoiltAndClean(Crops):
+    """Crops whose items end with both views as they were before any look: (left, right, disparity, left, right)."""
+
+    def __getitem__(self, item: int) -> tuple[Tensor, ...]:
+        pair, mirrored, rng = self._drawn(item)
+        clean = placed_pair(pair, mirrored, self.crop, rng, self.looks)
+        return *as_tensors(spoilt_pair(clean, rng, self.looks)), planar(clean.left), planar(clean.right)
+
+
+class Student(Run):
+    """A training run that a network of the weights it begins with teaches."""
+
+    def __init__(self, config: TrainConfig, out: Path, *, resume: bool) -> None:
+        super().__init__(config, out, resume=resume)
+        self.teacher = checkpoint.load(checkpoint.starting_point(str(config.init_from))).build().eval()
+        self.teacher.to(self.device)
+        self.taught: Tensor | None = None
+
+    def _crops_of(self, pairs: list[int]) -> Crops:
+        config = self.config
+        return SpoiltAndClean(
+            self.reader,
+            pairs,
+            self.crop,
+            seed=config.seed,
+            looks=config.looks,
+            cache_gib=config.cache_gib,
+            inference_width=self.network.inference_width,
+        )
+
+    def _train_step(self, model: nn.Module, batch: list[Tensor], refined: bool) -> dict[str, Tensor]:
+        *seen, left, right = batch
+        with torch.no_grad(), self._autocast():
+            self.taught = self.teacher(*(view.to(self.device, torch.float32) for view in (left, right))).cost
+        return super()._train_step(model, seen, refined)
+
+    def _add_volume_loss(self, report: dict[str, Tensor], prediction: Prediction, truth: Tensor) -> None:
+        super()._add_volume_loss(report, prediction, truth)
+        assert prediction.cost is not None and self.taught is not None
+        distance = volume_distance(prediction.cost, self.taught, has_truth(truth, self.config.max_disparity))
+        report["loss"] = report["loss"] + self.config.volume_weight * distance
+
+
+def volume_distance(cost: Tensor, taught: Tensor, mask: Tensor) -> Tensor:
+    """Return the mean Kullback-Leibler divergence of the student's from the teacher's distributions over the planes.
+
+    Both costs are [N, D, r^2, h, w] as `Prediction.cost`; cells without any pixel of ``mask`` [N, 1, H, W] are left
+    out, because looks may have hidden them from the student.
+    """
+    apart = F.kl_div(
+        torch.log_softmax(-cost.float(), dim=1),
+        torch.log_softmax(-taught.float(), dim=1),
+        reduction="none",
+        log_target=True,
+    ).sum(dim=1)
+    seen = F.max_pool2d(mask.float(), mask.shape[-1] // cost.shape[-1]).expand_as(apart)
+    return (apart * seen).sum() / seen.sum().clamp_min(1.0)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for kind in ("lap", "shapes", "gi"):
+        parser.add_argument(f"--{kind}", required=True, help=f"set of --organ {kind} to learn from")
+    parser.add_argument("--held-out", nargs="+", required=True, help="sets of other seeds")
+    parser.add_argument("--spoilt", type=Path, required=True, help="the path-traced pairs with faults")
+    parser.add_argument("--middlebury", type=Path, required=True)
+    parser.add_argument("--start", default="fast", help="shipped weights")
+    parser.add_argument("--pairs", type=int, default=24, help="of each held-out set")
+    parser.add_argument("--steps", type=int, default=500)
+    parser.add_argument("--runs", type=Path, required=True)
+    parser.add_argument("--json", type=Path, required=True)
+    args = parser.parse_args()
+    spoilt = open_dataset(args.spoilt, "test")
+    sets = {**judging_sets(args.held_out, args.pairs, args.middlebury), "path-traced, spoilt": (spoilt, len(spoilt))}
+    data = tuple(str(getattr(args, kind)) for kind in ("gi", "lap", "shapes"))
+    given: dict[str, Any] = {"init_from": args.start, "held_out": 0, "steps": args.steps, "rate": 4e-4, "data": data}
+    recipe = {**checkpoint.inherited(args.start, given), **given, "validate_every": args.steps}
+    found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
+    for seed in SEEDS:
+        for name, kind in (("alone", Run), ("with a clean teacher", Student)):
+            out = args.runs / f"{name.replace(' ', '-')}-{seed}"
+            there = (out / checkpoint.LAST).exists()
+            if not there or checkpoint.load(out).step < args.steps:
+                kind(TrainConfig.from_dict({**recipe, "seed": seed}), out, resume=there).fit()
+            label = f"{name}, seed {seed}"
+            found[label] = judged(checkpoint.load(out).build(), sets)
+            print(label, found[label], flush=True)
+            record = {
+                "datasets": set_notes(sets),
+                "learned_from": {
+                    kind: open_dataset(Path(root), "train").sha256
+                    for kind, root in zip(("gi", "lap", "shapes"), data, strict=True)
+                },
+                "recipe": {key: value for key, value in recipe.items() if key != "data"},
+                "runs": found,
+            }
+            command = f"python -m benchmarks.studies.clean_teacher --start {args.start} --pairs {args.pairs} "
+            command += f"--steps {args.steps} ..."
+            write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})
+
+
+if __name__ == "__main__":
+    main()
