@@ -112,5 +112,5 @@ class ForgetfulStream:
 
 def test_memory_that_runs_out_while_an_answer_is_fetched_has_its_code_too():
     feeder = Feeder(iter([shifted_pair(64, 96, 8)]), lambda width, height: ForgetfulStream(), lambda *frame: None)
-    with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.value):
+    with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.name):
         list(feeder.answers())
