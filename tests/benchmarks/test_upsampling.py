@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.studies.upsampling import measure
 from endosdk.datasets.layouts import open_dataset
-from tests.training.exported_networks import export_into
+from tests.training.exported_networks import Exported, shared_folder
 from tests.training.warped_set import write_warped_set
 
 
@@ -22,7 +22,9 @@ def test_joint_bilateral_edges_are_nearer_to_the_truth(layers):
     assert found["joint_bilateral"]["epe_px"] < found["bilinear"]["epe_px"]
 
 
-def test_an_answer_as_large_as_the_input_is_left_alone(layers, tmp_path):
-    path = export_into(tmp_path, "wang2020").path  # every shipped model answers for cells of more than one pixel
+def test_an_answer_as_large_as_the_input_is_left_alone(layers, tmp_path_factory):
+    path = Exported(
+        shared_folder(tmp_path_factory), "wang2020"
+    ).path  # every shipped model answers for cells of more than one pixel
     found = measure(str(path), layers, 1)
     assert found["joint_bilateral"] == pytest.approx(found["bilinear"], rel=1e-5)

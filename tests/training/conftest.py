@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from endosdk.datasets.dataset import hash_sample
-from tests.training.exported_networks import export_into
+from tests.training.exported_networks import Exported, shared_folder
 from tests.training.warped_set import write_warped_set
 
 SIZE = (128, 256)
@@ -26,17 +26,17 @@ def dataset_root(tmp_path_factory):
 
 
 class ExportedOnce(dict):
-    """Files of networks by name, each written when it is first asked for."""
+    """Networks and their files by name, each made when it is first asked for."""
 
     def __init__(self, folder):
         super().__init__()
         self.folder = folder
 
     def __missing__(self, name):
-        self[name] = export_into(self.folder, name)
+        self[name] = Exported(self.folder, name)
         return self[name]
 
 
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory):
-    return ExportedOnce(tmp_path_factory.mktemp("models"))
+    return ExportedOnce(shared_folder(tmp_path_factory))

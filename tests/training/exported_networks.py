@@ -1,24 +1,19 @@
-"""Both networks and their files, written once for all tests: following a network into a graph takes long."""
+"""Both networks and their files, each written once for all tests: following a network into a graph takes long."""
 
 from __future__ import annotations
 
+import fcntl
+import os
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
+import pytest
 import torch
 from torch import nn
 
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import StereoNetwork
-
-
-class Exported(NamedTuple):
-    """A network in evaluation mode, its file, and what that was to say about itself."""
-
-    network: StereoNetwork
-    path: Path
-    info: ModelDescription
 
 
 def shaken(network: StereoNetwork) -> StereoNetwork:
@@ -36,15 +31,33 @@ def shaken(network: StereoNetwork) -> StereoNetwork:
     return network.eval()
 
 
-def export_into(folder: Path, name: str) -> Exported:
-    """Write a network whose weights leave no layer idle."""
-    torch.manual_seed(1)
-    network = shaken(build_network(name, max_disparity=128 if name == "cascade" else 40))
-    with torch.no_grad():
-        weights = network.confidence.weights
-        weights.copy_(
-            torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1, 0.1, -0.1, 0.1, 0.1])[: len(weights)]
-        )
-    exported = Exported(network, folder / f"{name}.onnx", ModelDescription(name, "3", training={"recipe": "none"}))
-    export_model(network, exported.path, exported.info)
-    return exported
+class Exported:
+    """A network in evaluation mode whose weights leave no layer idle, what its file says, and the file."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        torch.manual_seed(1)
+        self.network = shaken(build_network(name, max_disparity=128 if name == "cascade" else 40))
+        with torch.no_grad():
+            weights = self.network.confidence.weights
+            weights.copy_(
+                torch.tensor([0.3, 0.2, 0.4, 0.1, -0.1, 0.2, 0.1, 0.1, -0.1, 0.1, 0.1, -0.1, 0.1, 0.1])[: len(weights)]
+            )
+        self.info = ModelDescription(name, "3", training={"recipe": "none"})
+        self._file = folder / f"{name}.onnx"
+
+    @cached_property
+    def path(self) -> Path:
+        """Where the file is: it is written when it is first asked for, by one of the processes that test."""
+        with self._file.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not self._file.exists():
+                export_model(self.network, self._file, self.info)
+        return self._file
+
+
+def shared_folder(factory: pytest.TempPathFactory) -> Path:
+    """Return a folder that all processes of this test run have in common."""
+    base = factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "exported-networks"
+    folder.mkdir(exist_ok=True)
+    return folder

@@ -11,7 +11,7 @@ from endosdk.training.networks.cascade import resized
 from endosdk.training.networks.fast import CELL, DISPARITY_HINT
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import quantize_model
-from tests.training.exported_networks import export_into, shaken
+from tests.training.exported_networks import shaken
 from tests.training.test_networks import views
 from tests.training.test_quantize import Scenes
 from tests.training.warped_scenes import warped_pair
@@ -118,21 +118,16 @@ def test_it_takes_the_weights_of_fast():
     again.load_state_dict(again.adapted(network.state_dict(), RANGE, DENSE))
 
 
-@pytest.fixture(scope="module")
-def exported_cascade(tmp_path_factory):
-    return export_into(tmp_path_factory.mktemp("cascade"), "cascade")
-
-
-def test_the_file_computes_what_the_network_does(exported_cascade):
-    network, path, _ = exported_cascade
-    report = check_parity(network, path, parity_pairs(*warped_pair(5, (96, 160))[:2]))
+def test_the_file_computes_what_the_network_does(exported):
+    network = exported["cascade"].network
+    report = check_parity(network, exported["cascade"].path, parity_pairs(*warped_pair(5, (96, 160))[:2]))
     assert report["largest_px"] < 1e-3
     form = network.export_form()
     assert not any(isinstance(module, nn.BatchNorm2d) for module in form.modules())
 
 
-def test_both_stages_run_in_integers(exported_cascade, tmp_path):
-    quantize_model(exported_cascade.path, tmp_path / "int8.onnx", Scenes(), range(2))
+def test_both_stages_run_in_integers(exported, tmp_path):
+    quantize_model(exported["cascade"].path, tmp_path / "int8.onnx", Scenes(), range(2))
     graph = onnx.load(tmp_path / "int8.onnx").graph
     makers = {name: node for node in graph.node for name in node.output}
     weights = {weight.name: weight for weight in graph.initializer}

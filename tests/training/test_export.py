@@ -24,7 +24,7 @@ def model(request, exported):
 
 
 def test_inputs_and_outputs_are_those_of_the_contract(model):
-    network, path, _ = model
+    network, path = model.network, model.path
     session = ort.InferenceSession(path)
     sizes = ["height", "width"]
     for value, name in zip(session.get_inputs(), ("left", "right"), strict=True):
@@ -38,7 +38,7 @@ def test_inputs_and_outputs_are_those_of_the_contract(model):
 
 
 def test_the_file_describes_itself(model):
-    network, path, info = model
+    network, path, info = model.network, model.path, model.info
     metadata = ort.InferenceSession(path).get_modelmeta().custom_metadata_map
     expected = {
         "format_version": "1",
@@ -61,7 +61,7 @@ def test_the_file_describes_itself(model):
 
 
 def test_torch_and_file_agree_at_three_sizes(model):
-    network, path, _ = model
+    network, path = model.network, model.path
     pairs = parity_pairs(*warped_pair(5, (224, 320))[:2])
     assert any(side % 8 for left, _ in pairs for side in left.shape[:2])
     report = check_parity(network, path, pairs)
@@ -72,17 +72,17 @@ def test_torch_and_file_agree_at_three_sizes(model):
 
 
 def test_a_file_may_have_a_larger_output_stride(exported, tmp_path):
-    network, whole, info = exported["wang2020"]
+    whole = exported["wang2020"]
     file = tmp_path / "cells.onnx"
-    network = copy.deepcopy(network)
+    network = copy.deepcopy(whole.network)
     network.deploy_at(4)
-    export_model(network, file, info)
+    export_model(network, file, whole.info)
     assert ort.InferenceSession(file).get_modelmeta().custom_metadata_map["endosdk.output_stride"] == "4"
     left, right, _ = warped_pair(5, (96, 160))
     assert check_parity(network, file, [(left, right)])["largest_px"] <= 1e-3
     views = {"left": planar(left)[None].numpy(), "right": planar(right)[None].numpy()}
     for fine, mean in zip(
-        ort.InferenceSession(whole).run(None, views), ort.InferenceSession(file).run(None, views), strict=True
+        ort.InferenceSession(whole.path).run(None, views), ort.InferenceSession(file).run(None, views), strict=True
     ):
         np.testing.assert_allclose(mean, fine.reshape(1, 1, 24, 4, 40, 4).mean(axis=(3, 5)), rtol=1e-4, atol=1e-4)
 
@@ -138,9 +138,9 @@ def test_no_source_path_or_class_name_is_inside(model):
 
 
 def test_the_same_network_gives_the_same_bytes(exported, tmp_path):
-    network, path, info = exported["fast"]
-    export_model(network, tmp_path / "again.onnx", info)
-    assert (tmp_path / "again.onnx").read_bytes() == path.read_bytes()
+    fast = exported["fast"]
+    export_model(fast.network, tmp_path / "again.onnx", fast.info)
+    assert (tmp_path / "again.onnx").read_bytes() == fast.path.read_bytes()
 
 
 def test_a_file_of_other_weights_fails_the_comparison(exported):
