@@ -109,7 +109,14 @@ def main() -> None:
     spoilt = open_dataset(args.spoilt, "test")
     sets = {**judging_sets(args.held_out, args.pairs, args.middlebury), "path-traced, spoilt": (spoilt, len(spoilt))}
     data = tuple(str(getattr(args, kind)) for kind in ("gi", "lap", "shapes"))
-    given: dict[str, Any] = {"init_from": args.start, "held_out": 0, "steps": args.steps, "rate": 4e-4, "data": data}
+    given: dict[str, Any] = {
+        "init_from": args.start,
+        "held_out": 0,
+        "steps": args.steps,
+        "rate": 4e-4,
+        "data": data,
+        "workers": 1,
+    }
     recipe = {**checkpoint.inherited(args.start, given), **given, "validate_every": args.steps}
     found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
     for seed in SEEDS:
