@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from endosdk.errors import EndoError, ErrorCode
@@ -112,5 +113,18 @@ class ForgetfulStream:
 
 def test_memory_that_runs_out_while_an_answer_is_fetched_has_its_code_too():
     feeder = Feeder(iter([shifted_pair(64, 96, 8)]), lambda width, height: ForgetfulStream(), lambda *frame: None)
+    with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.name):
+        list(feeder.answers())
+
+
+def test_memory_that_runs_out_over_a_pair_of_a_source_has_its_code_too(monkeypatch):
+    """A picture whose pixels do not lie side by side is copied."""
+
+    def no_memory(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(np, "ascontiguousarray", no_memory)
+    pair = [np.zeros((64, 192, 3), np.uint8)[:, ::2] for _ in range(2)]
+    feeder = Feeder(iter([pair]), lambda width, height: ForgetfulStream(), lambda *_: None)
     with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.name):
         list(feeder.answers())

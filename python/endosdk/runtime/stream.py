@@ -119,14 +119,7 @@ class Feeder:
             item = next(self._pairs, _END)
         finally:
             self._drawing = False
-        if item is _END or self._over:
-            return None
-        if isinstance(item, StereoFrame):
-            return *check_pair(item.left, item.right), check_stamp(item.monotonic_ns), item
-        if not isinstance(item, tuple | list) or len(item) not in (2, 3):
-            rule = "must yield (left, right), (left, right, stamp_ns) or frames of open_source"
-            raise InvalidArgument("source", rule, type(item).__name__)
-        return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None), None
+        return None if item is _END or self._over else _checked(item)
 
     @typed_memory_errors()
     def _submit(self, number: int, drawn: Drawn) -> None:
@@ -137,6 +130,17 @@ class Feeder:
             self._started.set()
         self._frames.append(frame)
         self._stream.submit(left, right, self._maps_for(number, self._stream, (width, height)), stamp_ns)
+
+
+@typed_memory_errors()
+def _checked(item: Any) -> Drawn:
+    """Return what a source yielded as a stream takes it. Raises InvalidArgument where that cannot be."""
+    if isinstance(item, StereoFrame):
+        return *check_pair(item.left, item.right), check_stamp(item.monotonic_ns), item
+    if not isinstance(item, tuple | list) or len(item) not in (2, 3):
+        rule = "must yield (left, right), (left, right, stamp_ns) or frames of open_source"
+        raise InvalidArgument("source", rule, type(item).__name__)
+    return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None), None
 
 
 def drawn_from(function: Callable[[], Any]) -> Iterator[Any]:
