@@ -12,7 +12,6 @@ than two seeds do is not told apart. ``--spoilt`` is the path-traced set with fa
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from benchmarks.record import write_record
-from benchmarks.studies.recipe_gains import judged, judging_sets, set_notes
+from benchmarks.studies.short_runs import judged, judging_sets, learning_sets, study_parser, study_record
 from benchmarks.weights import weights_sha256
 from endosdk.datasets.layouts import open_dataset
 from endosdk.training import checkpoint
@@ -46,23 +45,13 @@ class SpoiltAndClean(Crops):
 class Student(Run):
     """A training run that a network of the weights it begins with teaches."""
 
+    crops_kind = SpoiltAndClean
+
     def __init__(self, config: TrainConfig, out: Path, *, resume: bool) -> None:
         super().__init__(config, out, resume=resume)
         self.teacher = checkpoint.load(checkpoint.starting_point(str(config.init_from))).build().eval()
         self.teacher.to(self.device)
         self.taught: Tensor | None = None
-
-    def _crops_of(self, pairs: list[int]) -> Crops:
-        config = self.config
-        return SpoiltAndClean(
-            self.reader,
-            pairs,
-            self.crop,
-            seed=config.seed,
-            looks=config.looks,
-            cache_gib=config.cache_gib,
-            inference_width=self.network.inference_width,
-        )
 
     def _train_step(self, model: nn.Module, batch: list[Tensor], refined: bool) -> dict[str, Tensor]:
         *seen, left, right = batch
@@ -94,27 +83,18 @@ def volume_distance(cost: Tensor, taught: Tensor, mask: Tensor) -> Tensor:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for kind in ("lap", "shapes", "gi"):
-        parser.add_argument(f"--{kind}", required=True, help=f"set of --organ {kind} to learn from")
-    parser.add_argument("--held-out", nargs="+", required=True, help="sets of other seeds")
+    parser = study_parser(__doc__)
     parser.add_argument("--spoilt", type=Path, required=True, help="the path-traced pairs with faults")
-    parser.add_argument("--middlebury", type=Path, required=True)
-    parser.add_argument("--start", default="fast", help="shipped weights")
-    parser.add_argument("--pairs", type=int, default=24, help="of each held-out set")
-    parser.add_argument("--steps", type=int, default=500)
-    parser.add_argument("--runs", type=Path, required=True)
-    parser.add_argument("--json", type=Path, required=True)
+    parser.add_argument("--steps", type=int, default=250)
     args = parser.parse_args()
     spoilt = open_dataset(args.spoilt, "test")
     sets = {**judging_sets(args.held_out, args.pairs, args.middlebury), "path-traced, spoilt": (spoilt, len(spoilt))}
-    data = tuple(str(getattr(args, kind)) for kind in ("gi", "lap", "shapes"))
     given: dict[str, Any] = {
         "init_from": args.start,
         "held_out": 0,
         "steps": args.steps,
         "rate": 4e-4,
-        "data": data,
+        "data": learning_sets(args),
         "workers": 1,
     }
     recipe = {**checkpoint.inherited(args.start, given), **given, "validate_every": args.steps}
@@ -128,15 +108,7 @@ def main() -> None:
             label = f"{name}, seed {seed}"
             found[label] = judged(checkpoint.load(out).build(), sets)
             print(label, found[label], flush=True)
-            record = {
-                "datasets": set_notes(sets),
-                "learned_from": {
-                    kind: open_dataset(Path(root), "train").sha256
-                    for kind, root in zip(("gi", "lap", "shapes"), data, strict=True)
-                },
-                "recipe": {key: value for key, value in recipe.items() if key != "data"},
-                "runs": found,
-            }
+            record = study_record(args, sets, recipe, found)
             command = f"python -m benchmarks.studies.clean_teacher --start {args.start} --pairs {args.pairs} "
             command += f"--steps {args.steps} ..."
             write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})

@@ -69,6 +69,8 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
 class Run:
     """The state of one training run in one process."""
 
+    crops_kind = Crops  # what draws the samples
+
     def __init__(self, config: TrainConfig, out: Path, rank: int = 0, world: int = 1, *, resume: bool = False) -> None:
         self.out, self.rank, self.world = out, rank, world
         self.device = _device(config.device)
@@ -104,7 +106,7 @@ class Run:
 
     def _crops_of(self, pairs: list[int]) -> Crops:
         config = self.config
-        return Crops(
+        return self.crops_kind(
             self.reader,
             pairs,
             self.crop,
