@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
+
+#include "platform/threads.hpp"
 
 namespace endosdk {
 namespace {
@@ -33,50 +36,73 @@ struct Samples {
   int apart;
 };
 
-Samples samples_of(int unit) { return {std::min(unit, most_samples), std::max(1, unit / most_samples)}; }
+constexpr Samples samples_of(int unit) { return {std::min(unit, most_samples), std::max(1, unit / most_samples)}; }
 
-// Means of blocks of unit x unit pixels about that of the tile. Zero for a number that is known at run time alone.
-template <int fixed_count, int fixed_channels>
-void read_tile(const ImageView& image, int left, int top, int unit, Tile& tile) {
+// Sums of the samples of each block in one row of a tile. The colour views of usual sizes have a form of their own: rows of
+// pixels are added first, which the compiler does in vectors where their length is known.
+template <int unit>
+void add_colour_blocks(const ImageView& image, int left, int top, std::array<int, side>& sums) {
+  constexpr Samples samples = samples_of(unit);
+  constexpr int channels = 3;
+  std::array<uint16_t, size_t{side} * unit * channels> down{};
+  for (int j = 0; j < samples.count; ++j) {
+    const uint8_t* const row = image.row(top + j * samples.apart) + left * channels;
+    for (size_t i = 0; i < down.size(); ++i) down[i] = static_cast<uint16_t>(down[i] + row[i]);
+  }
+  for (size_t u = 0; u < side; ++u) {
+    const uint16_t* const block = down.data() + u * unit * channels + channels / 2;
+    for (int i = 0; i < samples.count; ++i) sums[u] += block[i * samples.apart * channels];
+  }
+}
+
+void add_any_blocks(const ImageView& image, int left, int top, int unit, std::array<int, side>& sums) {
   const Samples samples = samples_of(unit);
-  const int count = fixed_count > 0 ? fixed_count : samples.count;
-  const int channels = fixed_channels > 0 ? fixed_channels : image.channels;
-  int total = 0;
-  std::array<std::array<int, side>, side> sums;
-  for (size_t v = 0; v < side; ++v) {
-    sums[v].fill(0);
-    for (int j = 0; j < count; ++j) {
-      const uint8_t* const row = image.row(top + static_cast<int>(v) * unit + j * samples.apart) + left * channels + channels / 2;
-      for (size_t u = 0; u < side; ++u) {
-        const uint8_t* const block = row + static_cast<int>(u) * unit * channels;
-        for (int i = 0; i < count; ++i) sums[v][u] += block[i * samples.apart * channels];
-      }
+  const int apart = samples.apart * image.channels;
+  for (int j = 0; j < samples.count; ++j) {
+    const uint8_t* block = image.row(top + j * samples.apart) + left * image.channels + image.channels / 2;
+    for (int& sum : sums) {
+      int along = 0;  // not in memory, which the image might share for all that the compiler knows
+      for (int i = 0; i < samples.count; ++i) along += block[i * apart];
+      sum += along;
+      block += unit * image.channels;
     }
-    for (const int sum : sums[v]) total += sum;
   }
+}
+
+void add_blocks(const ImageView& image, int left, int top, int unit, std::array<int, side>& sums) {
+  switch (image.channels == 3 ? unit : 0) {
+    case 1: return add_colour_blocks<1>(image, left, top, sums);
+    case 2: return add_colour_blocks<2>(image, left, top, sums);
+    case 3: return add_colour_blocks<3>(image, left, top, sums);
+    case 4: return add_colour_blocks<4>(image, left, top, sums);
+    case 8: return add_colour_blocks<8>(image, left, top, sums);
+    default: return add_any_blocks(image, left, top, unit, sums);
+  }
+}
+
+// The tiles that lie side by side in a view.
+using Band = std::array<Tile, tiles_along>;
+
+// Means of blocks of unit x unit pixels about those of their tiles. Rows of blocks are read through all tiles, not tile by
+// tile: each row of a large frame lies in pages of its own, and to find a page takes longer than to read what it holds.
+void read_band(const ImageView& image, int top, int unit, Band& band) {
+  using Sums = std::array<int, side>;
+  std::array<std::array<Sums, side>, tiles_along> sums{};
+  for (int v = 0; v < side; ++v) {
+    for (int i = 0; i < tiles_along; ++i) {
+      const int left = (image.width - side * unit) * i / (tiles_along - 1);
+      add_blocks(image, left, top + v * unit, unit, sums[static_cast<size_t>(i)][static_cast<size_t>(v)]);
+    }
+  }
+  const int count = samples_of(unit).count;
   const float share = 1.0f / static_cast<float>(count * count);
-  const float mean = share * static_cast<float>(total) / (side * side);
-  for (size_t v = 0; v < side; ++v) {
-    for (size_t u = 0; u < side; ++u) tile[v][u] = share * static_cast<float>(sums[v][u]) - mean;
-  }
-}
-
-void read(const ImageView& image, int left, int top, int unit, Tile& tile) {
-  const bool colour = image.channels == 3;
-  switch (colour ? unit : 0) {
-    case 1: return read_tile<1, 3>(image, left, top, 1, tile);
-    case 2: return read_tile<2, 3>(image, left, top, 2, tile);
-    default: return read_tile<0, 0>(image, left, top, unit, tile);
-  }
-}
-
-// Asks for the memory of a tile that is read next: tiles lie too far apart for the processor to foresee.
-void fetch(const ImageView& image, int left, int top, int unit) {
-  constexpr int line = 64;  // bytes, as a rule
-  const ptrdiff_t first = ptrdiff_t{left} * image.channels;
-  const ptrdiff_t bytes = ptrdiff_t{side} * unit * image.channels;
-  for (int y = top; y < top + side * unit; ++y) {
-    for (ptrdiff_t at = first; at < first + bytes + line; at += line) __builtin_prefetch(image.row(y) + std::min(at, first + bytes - 1));
+  for (size_t i = 0; i < tiles_along; ++i) {
+    int total = 0;
+    for (const Sums& row : sums[i]) total = std::accumulate(row.begin(), row.end(), total);
+    const float mean = share * static_cast<float>(total) / (side * side);
+    for (size_t v = 0; v < side; ++v) {
+      for (size_t u = 0; u < side; ++u) band[i][v][u] = share * static_cast<float>(sums[i][v][u]) - mean;
+    }
   }
 }
 
@@ -140,24 +166,18 @@ double displacement_of_frames(const ImageView& left, const ImageView& right) {
   const int reach = side * unit;
   if (left.width < reach || left.height < reach) return std::numeric_limits<double>::quiet_NaN();
   std::array<Compared, size_t{tiles_along} * tiles_down> found;
-  size_t count = 0;
-  Tile here;
-  Tile there;
-  for (int j = 0; j < tiles_down; ++j) {
-    const int y = (left.height - reach) * j / (tiles_down - 1);
-    for (int i = 0; i < tiles_along; ++i) {
-      const auto column = [&](int tile) { return (left.width - reach) * tile / (tiles_along - 1); };
-      const int x = column(i);
-      if (i + 1 < tiles_along) {
-        fetch(left, column(i + 1), y, unit);
-        fetch(right, column(i + 1), y, unit);
-      }
-      read(left, x, y, unit, here);
-      read(right, x, y, unit, there);
-      const Compared tiles = compare(here, there);
-      if (tiles.varies >= flattest) found[count++] = tiles;
+  parallel_for(tiles_down, 1, [&](int begin, int end, int) {
+    Band here;
+    Band there;
+    for (int j = begin; j < end; ++j) {
+      const int top = (left.height - reach) * j / (tiles_down - 1);
+      read_band(left, top, unit, here);
+      read_band(right, top, unit, there);
+      for (size_t i = 0; i < tiles_along; ++i) found[static_cast<size_t>(j) * tiles_along + i] = compare(here[i], there[i]);
     }
-  }
+  });
+  const auto flat = [](const Compared& tiles) { return tiles.varies < flattest; };
+  const auto count = static_cast<size_t>(std::remove_if(found.begin(), found.end(), flat) - found.begin());
   if (count < least_tiles) return std::numeric_limits<double>::quiet_NaN();
   const auto half = found.begin() + static_cast<ptrdiff_t>((count + 1) / 2);
   std::nth_element(found.begin(), half - 1, found.begin() + static_cast<ptrdiff_t>(count),
