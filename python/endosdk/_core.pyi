@@ -154,7 +154,7 @@ def reserve_threads(n: int) -> None:
     """Raise OutOfMemory unless the system can start so many further threads at a time. None of them stays."""
 
 def has_integer_units() -> bool:
-    """Whether this processor has instructions for 8-bit networks (VNNI)."""
+    """Whether this processor has instructions for 8-bit networks: AVX2, or dot products on ARM."""
 
 def network_size_of(width: int, height: int, inference_width: int) -> tuple[int, int]:
     """Return (width, height) at which the network sees a frame when the caller sets none."""

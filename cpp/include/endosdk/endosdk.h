@@ -45,15 +45,16 @@ endo_cancel and endo_get_diagnostics do not wait. Two estimators work in paralle
 thread. A thread that calls the library needs 256 KB of stack.
 
 Errors. A function that can fail returns a status, and endo_last_error() says which argument broke which rule with what
-value. A failed call leaves the estimator as it was, and usable. No exception and no abort leaves this library.
+value. A failed call leaves the estimator as it was, and usable. No exception leaves this library, and it never ends the
+process. ONNX Runtime can, where memory runs out.
 
 Structs begin with struct_size, which you set to sizeof the struct: the library then knows which fields you know. Fields
 are only ever appended. A field that your library does not know must be zero, else the call is refused.
 
 Units: pixels, millimetres, milliseconds. Pixel (0, 0) is the centre of the first pixel. x_right = x_left - disparity.
 
-Networks and files: the library opens no socket, and no file but the model and ONNX Runtime's own library; where a
-signature is checked, also libcrypto, which reads its own configuration.
+Networks and files: the library opens no socket, and no file but the model, ONNX Runtime's own library and, for the name of
+the processor, /proc/cpuinfo; where a signature is checked, also libcrypto, which reads its own configuration.
 
 Windows: paths are UTF-8. Define ENDOSDK_STATIC where you link the static library. */
 #ifndef ENDOSDK_H
@@ -360,7 +361,7 @@ ENDO_API endo_status endo_cancel(endo_estimator *estimator);
 
 /* ---- Streams ----
 
-Frames in flight, each on one processor thread from end to end: the highest rate there is, at the price of a delay of one
+Each frame is computed on one thread, and several frames at a time. This gives the highest frame rate. The latency is one
 frame's time on one thread. One thread may submit while another receives:
 
     endo_stream_open(estimator, 960, 720, NULL, &stream);
@@ -374,9 +375,8 @@ frame's time on one thread. One thread may submit while another receives:
 ENDO_API endo_status endo_stream_open(endo_estimator *estimator, int32_t width, int32_t height,
                                       int32_t *frames_in_flight, endo_stream **stream);
 
-/* 1: draw each frame's disparity towards that of the frame before, moved to where its surfaces are now and only where both
-   pictures agree. Depth of what stands still flickers less. 0 (default): every frame stands alone. To be chosen before
-   the first frame. */
+/* 1: temporal filter. It moves the disparity of the frame before with the surfaces, and blends it with the new one where both
+   images agree. Static surfaces flicker less. 0 (default): no filter. To be chosen before the first frame. */
 ENDO_API endo_status endo_stream_set_temporal(endo_stream *stream, int32_t temporal);
 
 /* From now on, correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for certain that

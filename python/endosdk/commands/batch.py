@@ -16,7 +16,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="output folder; an unfinished batch is continued")
     add_model(parser)
     add_calibration(parser)
-    add_session(parser, all_threads="all; 1 in each of several workers")
+    add_session(parser, all_threads="all cores, at most 8; 1 in each of several workers")
     add_processes(parser)
 
 

@@ -36,7 +36,7 @@ class ModelInfo:
     version: str
     input_multiple: int  # both sides of the input are padded to a multiple of this, px
     output_stride: int  # the output grid is the input grid divided by this
-    max_disparity: int  # px at the input width; larger disparities cannot be found
+    max_disparity: int  # length of the disparity axis, px at the input width
     max_candidate_disparity: int | None  # the largest disparity the network considers, px; None: not stated
     inference_width: int | None  # px; frames are seen at this width unless the caller sets a size; None: any
     upsampling: str  # how disparity comes to the input's grid; what the network was trained through
