@@ -1,5 +1,6 @@
 // Errors of the core become the package's own, with the same code and words as in C.
 #include <new>
+#include <stdexcept>
 #include <system_error>
 
 #include "bindings.hpp"
@@ -25,6 +26,8 @@ void translate(std::exception_ptr thrown) {
   } catch (const Error& error) {
     raise_error(error);
   } catch (const std::bad_alloc&) {
+    raise_error(ENDO_OUT_OF_MEMORY, "", "out of memory", "");
+  } catch (const std::length_error&) {  // asked for more than any memory holds
     raise_error(ENDO_OUT_OF_MEMORY, "", "out of memory", "");
   } catch (const std::system_error& error) {
     // What the C++ library throws where no further thread can be started; pybind11 passes all others on.

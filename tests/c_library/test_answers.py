@@ -18,6 +18,7 @@ from endosdk.io.pictures import read_frame
 from endosdk.runtime.models import shipped_models
 from tests.c_library import binding as c
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
+from tests.core.test_pose_error import RIG, cycles_pair, turned
 from tests.rigs import fisheye_rig, raw_rig
 
 DEMO = ROOT / "examples" / "data" / "demo"
@@ -67,6 +68,16 @@ def test_same_maps_as_python(library, rig_name, size, network_size):
     np.testing.assert_allclose(maps["sigma"], expected.sigma, rtol=1e-6)
     tenths = np.where(valid, np.clip(10 * np.nan_to_num(expected.depth), 0, 65535), 0)
     assert np.abs(maps["depth_u16"] - tenths).max() <= 0.51 + 1e-6 * 65535
+
+
+def test_sigma_of_a_rig_that_moved_needs_no_depth(library):
+    left, right = cycles_pair(2)
+    estimator = c.CEstimator(library, shipped_models()["fast-320"], RIG)
+    result, maps = estimator.predict(left, turned(right, (0.0, 0.0, 0.8)))
+    assert result.causes & 1 << endosdk.Cause.RIG_MOVED
+    _, alone = estimator.predict(left, turned(right, (0.0, 0.0, 0.8)), maps=("sigma",))
+    estimator.close()
+    np.testing.assert_array_equal(alone["sigma"], maps["sigma"])
 
 
 @pytest.mark.parametrize("temporal", [False, True])

@@ -112,6 +112,14 @@ def test_one_view_that_stands_still_is_frozen(estimator):
     assert Cause.FROZEN not in estimator.predict(*frames[3]).causes
 
 
+def test_each_source_has_its_own_count_of_frames_that_stand_still(estimator):
+    frames = [shifted_pair(*SIZE, 9, seed=seed) for seed in range(8)]
+    last = None
+    for last in estimator.stream((left, frames[0][1]) for left, _ in frames):
+        estimator.predict(*frames[-1])
+    assert last.measures[Cause.FROZEN] == 7 and Cause.FROZEN in last.causes
+
+
 def test_a_pair_that_stands_still_is_frozen_after_a_while(estimator):
     pair = shifted_pair(96, 160, 9, seed=11)
     counts = [Cause.FROZEN in result.causes for result in estimator.stream([pair] * 27)]

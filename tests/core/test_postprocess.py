@@ -246,6 +246,7 @@ METRIC = {"out": {"depth": full((8, 12))}, "focal_px": 100.0, "baseline_mm": 5.0
         ({"max_candidate_disparity": -1.0}, "max_candidate_disparity: must be finite and not negative"),
         ({"scale": (0.25, np.inf)}, "scale_x: must be positive and finite"),
         ({"out": {"sigma": full((8, 12))}}, "focal_px: must be positive for depth or sigma"),
+        (METRIC | {"out": {"sigma": full((8, 12))}}, "depth: must be there where sigma is wanted"),
         (METRIC | {"focal_px": -1.0}, "focal_px: must be finite and not negative"),
         (METRIC | {"baseline_mm": 0.0}, "baseline_mm: must be positive and finite"),
         (METRIC | {"doffs": np.nan}, "doffs: must be finite"),

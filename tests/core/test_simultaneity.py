@@ -54,3 +54,15 @@ def test_a_late_view_is_named(
         assert answers[-1].status.name == "DEGRADED"
     else:
         assert not any(told)
+
+
+def test_a_frame_without_an_answer_stays_invalid_when_it_turns_out_to_be_late() -> None:
+    left, right = cycles_pair(2)
+    angles = [(2.7 * np.sin(0.6 * k), 0.0, 0.0) for k in range(FRAMES)]
+    pairs = [(turned(left, angles[k]), turned(right, angles[k - 1])) for k in range(1, FRAMES)]
+    with DepthEstimator("fast") as depth:
+        answers = [depth.predict(*pair) for pair in pairs]
+    late = [answer for answer in answers if _core.Cause.NOT_SIMULTANEOUS in answer.causes]
+    assert any(answer.status.name == "INVALID" for answer in late)
+    for answer in answers:
+        assert (answer.status.name == "INVALID") == (answer.valid_share == 0.0) == (answer.reasons != 0).all()

@@ -33,6 +33,17 @@ def test_the_map_of_opencv_says_the_same():
         )
 
 
+def test_where_the_lens_model_folds_there_is_no_pixel():
+    matrix = np.array([[700.0, 0, 479.5], [0, 700.0, 359.5], [0, 0, 1]])
+    lens = np.array([-0.45, 0, 0, 0])
+    rig = StereoCalibration(960, 720, matrix, matrix, lens, lens, np.eye(3), np.array([-4.0, 0, 0]))
+    columns = np.array([(x, 359.5) for x in (480, 600, 700, 900, 950)])
+    raw = rectified_to_raw(rig, columns, alpha=1.0)
+    known = np.isfinite(raw[:, 0])
+    assert known.tolist() == [True, True, True, False, False]
+    assert (np.diff(raw[known, 0]) > 0).all()
+
+
 def test_a_point_projects_to_the_raw_pixel_it_came_from():
     rig = raw_rig()
     g = rig.rectification()

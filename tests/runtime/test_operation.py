@@ -142,6 +142,15 @@ def test_the_largest_disparity_is_that_of_the_frame():
     assert estimator.largest_disparity(480, 240) == pytest.approx(4 * 30.5)
 
 
+@pytest.mark.parametrize("size", [(0, 96), (2**31 - 1, 2**31 - 1), (2**40, 96), (160.5, 96), ("160", 96)])
+def test_a_size_that_no_frame_has_is_refused(size):
+    estimator = DepthEstimator(TINY_MODEL)
+    for call in (estimator.prepare, estimator.largest_disparity):
+        with pytest.raises(errors.InvalidArgument, match="size: must be"):
+            call(*size)
+    estimator.prepare(160, 96)
+
+
 def test_a_closed_estimator_says_so():
     with DepthEstimator(TINY_MODEL) as estimator:
         kept = estimator.predict(*PAIR)

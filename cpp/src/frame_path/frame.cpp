@@ -6,12 +6,15 @@
 
 namespace endosdk {
 
+void check_frame_size(Size size, const char* argument) {
+  const bool fits = size.width > 0 && size.height > 0 && int64_t{size.width} * size.height <= std::numeric_limits<int32_t>::max() / 3;
+  require(fits, argument, "must be at least 1x1 and a frame less than 2 GiB", Text(size.width, "x", size.height));
+}
+
 void check_pair(const FramePair& pair) {
   const ImageView& l = pair.left;
   const ImageView& r = pair.right;
-  require(l.width > 0 && l.height > 0, "left", "must be at least 1x1", Text(l.width, "x", l.height));
-  const bool fits = int64_t{l.width} * l.height <= std::numeric_limits<int32_t>::max() / 3;
-  require(fits, "left", "a frame must take less than 2 GiB", Text(l.width, "x", l.height));
+  check_frame_size(pair.size(), "left");
   require(l.width == r.width && l.height == r.height, "right", Text("must have the size of left, ", l.width, "x", l.height),
           Text(r.width, "x", r.height));
   require(l.channels == r.channels, "right", Text("must have as many channels as left, ", l.channels), r.channels);

@@ -32,6 +32,9 @@ inline int64_t now_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
 }
 
+// Refuses frames of no size, and those too large for their bytes to be counted.
+void check_frame_size(Size size, const char* argument);
+
 // Refuses what is no pair of pictures of one size and format.
 void check_pair(const FramePair& pair);
 

@@ -81,6 +81,7 @@ Size FramePath::network_size(Size frame) const {
 }
 
 double FramePath::largest_disparity(Size frame) const {
+  check_frame_size(frame, "size");
   return endosdk::largest_disparity(model(), frame, network_size(frame));
 }
 
@@ -112,7 +113,7 @@ void FramePath::prepare(Size frame) {
   check_open();
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const Clock::time_point asked = Clock::now();
-  require(frame.width > 0 && frame.height > 0, "size", "must be at least 1x1", Text(frame.width, "x", frame.height));
+  check_frame_size(frame, "size");
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
   const std::vector<uint8_t> black(bytes(frame));
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
@@ -132,7 +133,8 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
     const LoopThreads threads(settings_.threads, settings_.thread_hook);
     FrameReport report = compute(pair, wanted, asked);
     watch_.add(report, *slot_);
-    count(report, slot_);
+    keep_latest(slot_);
+    count(report);
     return report;
   } catch (...) {
     counters_.add_failure();
@@ -172,13 +174,13 @@ void FramePath::judge_age(FrameReport& report) const {
   if (settings_.max_age_ms > 0.0) report.causes.set(Cause::stale, report.age_ms / settings_.max_age_ms);
 }
 
-void FramePath::count(FrameReport& report, std::shared_ptr<Slot> slot) {
+void FramePath::keep_latest(std::shared_ptr<Slot> slot) {
+  const std::lock_guard lock(state_);
+  latest_ = std::move(slot);
+}
+
+void FramePath::count(FrameReport& report) {
   judge_age(report);
-  {
-    const std::lock_guard lock(state_);
-    report.causes.set(Cause::frozen, frozen_.repeats(report.prints));
-    latest_ = std::move(slot);
-  }
   report.quality = report.causes.status();
   report.frame = counters_.add(report);
   char line[160];
@@ -208,6 +210,7 @@ std::unique_ptr<Stream> FramePath::stream(Size frame) {
   process_.check();
   const std::lock_guard lock(calls_);
   check_open();
+  check_frame_size(frame, "size");
   const Work work(cancelling_);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const std::shared_ptr<const Rig> rig = calibration();

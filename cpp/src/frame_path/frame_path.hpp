@@ -86,7 +86,8 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   FrameReport compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked);
   void finish(FrameReport& report, Clock::time_point asked) const;
   void judge_age(FrameReport& report) const;
-  void count(FrameReport& report, std::shared_ptr<Slot> slot);
+  void count(FrameReport& report);
+  void keep_latest(std::shared_ptr<Slot> slot);
   void tell_correction(const PoseVector& corrected) const;
 
   const OwnProcess process_;
@@ -106,7 +107,6 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   std::shared_ptr<const Identity> identity_;
   std::shared_ptr<Slot> latest_;  // its pictures belong to the latest finished frame
   std::optional<Size> picture_;
-  Frozen frozen_;
   bool closed_ = false;
 };
 

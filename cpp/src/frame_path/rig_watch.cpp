@@ -6,13 +6,15 @@ namespace endosdk {
 
 void RigWatch::add(FrameReport& report, Slot& slot) {
   const Clock::time_point started = Clock::now();
+  report.causes.set(Cause::frozen, frozen_.repeats(report.prints));
   const double row_px = static_cast<double>(slot.stage().frame().height) / slot.stage().picture().height;
   const std::optional<double> motion = simultaneity_.motion_between(slot.brightness(), row_px, report.pose);
   if (motion) report.causes.set(Cause::not_simultaneous, *motion);
   if (report.causes.raised(Cause::not_simultaneous)) {
-    // What looks like a turn comes from the motion.
-    report.causes.set(Cause::rig_moved, never);
-    report.causes.set(Cause::not_rectified, never);
+    // What looks like a turn comes from the motion. A cause for which the answer was withdrawn stays: the status follows from it.
+    for (const Cause turned : {Cause::rig_moved, Cause::not_rectified}) {
+      if (report.causes.level(turned) != Quality::invalid) report.causes.set(turned, never);
+    }
   } else {
     pose_.add(report.pose, report.corrected);
   }

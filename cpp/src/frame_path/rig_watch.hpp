@@ -1,7 +1,9 @@
-// What the frames of one source tell together of the rig that took them: its turn, and whether its views are of one moment.
+// What the frames of one source tell together of the rig that took them: its turn, whether its views are of one moment, and
+// whether they repeat.
 #pragma once
 
 #include "frame_path/frame.hpp"
+#include "frame_path/frozen.hpp"
 #include "frame_path/simultaneity.hpp"
 #include "frame_path/slot.hpp"
 #include "geometry/pose_filter.hpp"
@@ -22,6 +24,7 @@ class RigWatch {
  private:
   PoseFilter pose_;
   Simultaneity simultaneity_;
+  Frozen frozen_;
 };
 
 }  // namespace endosdk

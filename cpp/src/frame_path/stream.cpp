@@ -88,7 +88,10 @@ std::optional<Stream::Answer> Stream::receive() {
   std::unique_lock lock(mutex_);
   change_.wait(lock, [&] { return has_answer(); });
   if (closed_ || received_ == submitted_) return std::nullopt;
-  Frame& frame = at(received_++);
+  Frame& frame = at(received_);
+  // Before there is room for a further frame, whose pictures come to where those of the last but one are.
+  path_->keep_latest(frame.answer.error ? nullptr : frame.slot);
+  ++received_;
   change_.notify_all();
   Answer answer = std::move(frame.answer);
   lock.unlock();
@@ -96,7 +99,7 @@ std::optional<Stream::Answer> Stream::receive() {
     path_->counters_.add_failure();
   } else {
     watch_rig(answer.report, *frame.slot);
-    path_->count(answer.report, frame.slot);
+    path_->count(answer.report);
   }
   return answer;
 }

@@ -205,7 +205,7 @@ endo_status endo_get_geometry(endo_estimator* estimator, endo_geometry* geometry
 
 endo_status endo_prepare(endo_estimator* estimator, int32_t width, int32_t height) {
   return guarded([&] {
-    with(estimator, [&](FramePath& path) { path.prepare(endosdk::frame_size(width, height)); });
+    with(estimator, [&](FramePath& path) { path.prepare({width, height}); });
   });
 }
 
@@ -272,7 +272,7 @@ endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t h
     require_pointer(stream, "stream");
     *stream = nullptr;
     with(estimator, [&](FramePath& path) {
-      std::unique_ptr<Stream> opened = path.stream(endosdk::frame_size(width, height));
+      std::unique_ptr<Stream> opened = path.stream({width, height});
       const size_t slots = static_cast<size_t>(opened->lanes()) + 1;
       if (frames_in_flight != nullptr) *frames_in_flight = opened->lanes();
       *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots),

@@ -7,6 +7,7 @@
 
 #include "library/capi_structs.hpp"
 #include "library/guarded.hpp"
+#include "library/struct_io.hpp"
 #include "measure/areas.hpp"
 #include "measure/pixels.hpp"
 
@@ -41,14 +42,25 @@ std::vector<endosdk::Point> pixels_of(const double* pixels, size_t count) {
   return points;
 }
 
+// Sizes of the structs in the first release; they only grow.
+constexpr size_t first_measured = 24;
+constexpr size_t first_point = 104;
+constexpr size_t first_area = 48;
+constexpr size_t first_rectification = 488;
+static_assert(sizeof(endo_measured) >= first_measured && sizeof(endo_point) >= first_point && sizeof(endo_area) >= first_area &&
+              sizeof(endo_rectification) >= first_rectification);
+
 // The caller's struct of answers: what it says of itself, checked before anything is computed.
 template <typename Struct>
-size_t checked_size(const Struct* answer, const char* argument) {
-  require_pointer(answer, argument);
-  require(answer->struct_size >= sizeof(Struct), endosdk::Text(argument, ".struct_size"),
-          endosdk::Text("must be sizeof the struct, at least ", sizeof(Struct)), answer->struct_size);
-  require(answer->reserved == 0, endosdk::Text(argument, ".reserved"), "must be 0", answer->reserved);
-  return answer->struct_size;
+Struct checked(const Struct* answer, size_t first, const char* argument) {
+  const Struct known = endosdk::read_struct(answer, first, argument);
+  require(known.reserved == 0, endosdk::Text(argument, ".reserved"), "must be 0", known.reserved);
+  return known;
+}
+
+template <typename Struct>
+void write(const Struct& known, Struct* answer) {
+  endosdk::write_struct(known, known.struct_size, answer);
 }
 
 void check_alpha(double alpha) { require(std::isfinite(alpha) && alpha <= 1.0, "alpha", "must be a number of at most 1", alpha); }
@@ -78,54 +90,58 @@ extern "C" {
 
 endo_status endo_point_at(const endo_calibration* calibration, const endo_result* result, double x, double y, endo_point* point) {
   return guarded([&] {
-    checked_size(point, "point");
+    endo_point known = checked(point, first_point, "point");
     const endosdk::Rig rig = rig_of(calibration);
     const endosdk::MeasuredPoint found = endosdk::point_at(maps_of(rig, result), {x, y});
-    std::copy(found.xyz.begin(), found.xyz.end(), point->xyz);
-    std::copy(found.covariance.begin(), found.covariance.end(), point->covariance);
+    std::copy(found.xyz.begin(), found.xyz.end(), known.xyz);
+    std::copy(found.covariance.begin(), found.covariance.end(), known.covariance);
+    write(known, point);
   });
 }
 
 endo_status endo_path_length(const endo_calibration* calibration, const endo_result* result, const double* pixels, size_t count,
                              endo_measured* length) {
   return guarded([&] {
-    checked_size(length, "length");
+    endo_measured known = checked(length, first_measured, "length");
     const endosdk::Rig rig = rig_of(calibration);
     const endosdk::Measured found = endosdk::path_length(maps_of(rig, result), pixels_of(pixels, count));
-    length->value = found.value;
-    length->standard_error = found.standard_error;
+    known.value = found.value;
+    known.standard_error = found.standard_error;
+    write(known, length);
   });
 }
 
 endo_status endo_area_inside(const endo_calibration* calibration, const endo_result* result, const double* pixels, size_t count,
                              endo_area* area) {
   return guarded([&] {
-    checked_size(area, "area");
+    endo_area known = checked(area, first_area, "area");
     const endosdk::Rig rig = rig_of(calibration);
     const endosdk::MeasuredArea found = endosdk::area(maps_of(rig, result), pixels_of(pixels, count));
-    area->flat = found.flat.value;
-    area->flat_standard_error = found.flat.standard_error;
-    area->relief = found.relief.value;
-    area->relief_standard_error = found.relief.standard_error;
-    area->coverage = found.coverage;
+    known.flat = found.flat.value;
+    known.flat_standard_error = found.flat.standard_error;
+    known.relief = found.relief.value;
+    known.relief_standard_error = found.relief.standard_error;
+    known.coverage = found.coverage;
+    write(known, area);
   });
 }
 
 endo_status endo_get_rectification(const endo_calibration* calibration, double alpha, endo_rectification* rectification) {
   return guarded([&] {
-    checked_size(rectification, "rectification");
+    endo_rectification known = checked(rectification, first_rectification, "rectification");
     const endosdk::Rig rig = rig_of(calibration);
     check_alpha(alpha);
     const endosdk::PixelMap map(rig, alpha);
     const endosdk::Rectification& views = map.geometry().views;
     const auto q = map.q();
     const auto region = map.region();
-    std::copy(region.begin(), region.end(), rectification->region);
-    std::copy(views.left_rotation.begin(), views.left_rotation.end(), rectification->left_rotation);
-    std::copy(views.right_rotation.begin(), views.right_rotation.end(), rectification->right_rotation);
-    std::copy(views.left_projection.begin(), views.left_projection.end(), rectification->left_projection);
-    std::copy(views.right_projection.begin(), views.right_projection.end(), rectification->right_projection);
-    std::copy(q.begin(), q.end(), rectification->q);
+    std::copy(region.begin(), region.end(), known.region);
+    std::copy(views.left_rotation.begin(), views.left_rotation.end(), known.left_rotation);
+    std::copy(views.right_rotation.begin(), views.right_rotation.end(), known.right_rotation);
+    std::copy(views.left_projection.begin(), views.left_projection.end(), known.left_projection);
+    std::copy(views.right_projection.begin(), views.right_projection.end(), known.right_projection);
+    std::copy(q.begin(), q.end(), known.q);
+    write(known, rectification);
   });
 }
 

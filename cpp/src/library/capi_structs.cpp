@@ -93,13 +93,6 @@ void write_geometry(const Rig& rig, endo_geometry& geometry) {
   write_struct(known, size, &geometry);
 }
 
-Size frame_size(int32_t width, int32_t height) {
-  const bool fits = width > 0 && height > 0 && int64_t{width} * height <= std::numeric_limits<int32_t>::max() / 3;
-  require_argument(fits, "size", "must be at least 1x1 and a frame less than 2 GiB",
-                   Text(width, "x", height));
-  return {width, height};
-}
-
 FramePair frame_pair(const endo_image* left, const endo_image* right) {
   const endo_image l = read_struct(left, first_image, "left");
   const endo_image r = read_struct(right, first_image, "right");

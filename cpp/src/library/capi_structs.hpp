@@ -18,7 +18,6 @@ void write_geometry(const Rig& rig, endo_geometry& geometry);
 // A copy of what the caller and this library know of a result. Refuses one whose maps nobody may read or write.
 endo_result read_result(const endo_result* result);
 
-Size frame_size(int32_t width, int32_t height);
 FramePair frame_pair(const endo_image* left, const endo_image* right);
 
 // Fills in the caller's endo_result: with what was found, or so that a failure cannot be mistaken for an answer.

@@ -67,7 +67,8 @@ MapsOut SpareMaps::complete(const MapsOut& wanted) {
   if (all.disparity == nullptr) all.disparity = disparity_.data();
   if (all.confidence == nullptr) all.confidence = confidence_.data();
   if (all.reasons == nullptr) all.reasons = reasons_.data();
-  if (all.depth == nullptr && all.depth_u16 != nullptr) all.depth = depth_.data();
+  // What a rig that moved adds to sigma is found from the depth.
+  if (all.depth == nullptr && (all.depth_u16 != nullptr || all.sigma != nullptr)) all.depth = depth_.data();
   return all;
 }
 

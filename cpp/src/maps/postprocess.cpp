@@ -60,6 +60,7 @@ void check(const PostprocessInput& in, const MapsOut& out) {
     require(alike, "right_image", "must have the shape of image", Text(in.right.width, "x", in.right.height));
   }
   check_geometry(in.geometry, out.depth != nullptr || out.sigma != nullptr);
+  require(out.sigma == nullptr || out.depth != nullptr, "depth", "must be there where sigma is wanted", "none");
 }
 
 DepthLimits limits_of(const PostprocessInput& in) {

@@ -72,7 +72,7 @@ struct PostprocessScratch {
 // right one was moved. Depth (mm) is focal * baseline / (disparity + doffs); sigma
 // (mm) is depth^2 / (focal * baseline) times the scale of a Laplace law whose probability of an error up to
 // one network pixel is the network's own confidence, with what the pictures leave of it. To it comes what a rig that moved
-// does to the disparity. Both are NaN where a pixel has a reason; both need a geometry and may be null.
+// does to the disparity. Both are NaN where a pixel has a reason; both need a geometry and may be null, depth only with sigma.
 // The 16-bit maps are written by write_u16().
 int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,7 @@ namespace {
 // OpenCV's five steps end up to a pixel away at the edge of an endoscope's view: Newton's method goes on from there.
 constexpr int newton_steps = 4;
 constexpr double step_px = 1e-3;  // for slopes by differences
+constexpr Point nowhere = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
 
 // By each row's heights of covered columns above it.
 std::array<int, 4> largest_rectangle(const std::vector<uint8_t>& left, const std::vector<uint8_t>& right, Size size) {
@@ -41,17 +43,24 @@ std::array<int, 4> largest_rectangle(const std::vector<uint8_t>& left, const std
 }  // namespace
 
 PixelMap::PixelMap(const Rig& rig, double alpha)
-    : geometry_(rig.geometry(alpha)), rectifies_(!rig.is_rectified()), raw_(rig.size()), views_{rig.view(false, geometry_), rig.view(true, geometry_)} {}
+    : geometry_(rig.geometry(alpha)),
+      rectifies_(!rig.is_rectified()),
+      raw_(rig.size()),
+      views_{rig.view(false, geometry_), rig.view(true, geometry_)},
+      sources_{SourceMap(views_[0]), SourceMap(views_[1])} {}
 
-Point PixelMap::to_raw(Side side, Point rectified) const { return SourceMap(view(side)).at(rectified.x, rectified.y).pixel; }
+Point PixelMap::to_raw(Side side, Point rectified) const {
+  const SourceMap::Source found = sources_[index(side)].at(rectified.x, rectified.y);
+  return found.unfolded ? found.pixel : nowhere;
+}
 
 Point PixelMap::to_rectified(Side side, Point raw) const {
-  const ViewGeometry& v = view(side);
+  const ViewGeometry& v = views_[index(side)];
+  const SourceMap& map = sources_[index(side)];
   const Point ray = unproject(v.camera, raw);
   const Vec3 turned = multiply(v.rotation, Vec3{ray.x, ray.y, 1.0});
   const Mat34& p = v.projection;
   Point found = {p[0] * turned[0] / turned[2] + p[2], p[5] * turned[1] / turned[2] + p[6]};
-  const SourceMap map(v);
   for (int i = 0; i < newton_steps; ++i) {
     const Point here = map.at(found.x, found.y).pixel;
     const Point right = map.at(found.x + step_px, found.y).pixel;
@@ -62,7 +71,7 @@ Point PixelMap::to_rectified(Side side, Point raw) const {
     const double determinant = a * d - b * c;
     found = {found.x + (d * off.x - b * off.y) / determinant, found.y + (a * off.y - c * off.x) / determinant};
   }
-  return found;
+  return map.at(found.x, found.y).unfolded ? found : nowhere;
 }
 
 Vec3 PixelMap::to_raw_left(const Vec3& point) const { return multiply(transpose(geometry_.views.left_rotation), point); }

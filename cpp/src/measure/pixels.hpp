@@ -16,7 +16,7 @@ class PixelMap {
 
   const RectifiedGeometry& geometry() const { return geometry_; }
 
-  // Of one view, both ways; not a number for rays that point backwards.
+  // Of one view, both ways; not a number for rays that point backwards, or where the lens model folds.
   Point to_raw(Side side, Point rectified) const;
   Point to_rectified(Side side, Point raw) const;
 
@@ -30,12 +30,13 @@ class PixelMap {
   std::array<int, 4> region() const;
 
  private:
-  const ViewGeometry& view(Side side) const { return views_[side == Side::right ? 1 : 0]; }
+  static size_t index(Side side) { return side == Side::right ? 1 : 0; }
 
   RectifiedGeometry geometry_;
   bool rectifies_;
   Size raw_;
-  ViewGeometry views_[2];
+  std::array<ViewGeometry, 2> views_;
+  std::array<SourceMap, 2> sources_;
 };
 
 }  // namespace endosdk

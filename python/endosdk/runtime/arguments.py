@@ -61,6 +61,14 @@ def check_size(size: Any) -> tuple[int, int] | None:
     return _whole("network_size", pair[0], rule, pair), _whole("network_size", pair[1], rule, pair)
 
 
+def check_frame_size(width: Any, height: Any) -> tuple[int, int]:
+    """Return the size of a frame, px."""
+    rule = "must be two whole numbers, width and height"
+    if not (_is_number(width) and _is_number(height)):
+        raise InvalidArgument("size", rule, _shown((width, height)))
+    return _whole("size", width, rule, (width, height)), _whole("size", height, rule, (width, height))
+
+
 def check_threads(threads: Any) -> int:
     """Return the number of threads; 0 stands for the cores of this process, and None for that."""
     if threads is None:

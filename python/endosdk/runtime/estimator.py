@@ -19,6 +19,7 @@ from endosdk.runtime.arguments import (
     check_order,
     check_pair,
     check_range,
+    check_frame_size,
     check_size,
     check_stamp,
     check_switch,
@@ -159,7 +160,7 @@ class DepthEstimator:
 
         None where the model does not state its range.
         """
-        return _number_or_none(self._path.largest_disparity(width, height))
+        return _number_or_none(self._path.largest_disparity(*check_frame_size(width, height)))
 
     @property
     def nearest_depth_mm(self) -> float | None:
@@ -172,7 +173,7 @@ class DepthEstimator:
     @typed_memory_errors()
     def prepare(self, width: int, height: int) -> None:
         """Reserve what frames of this size need and run once, so that the first real frame is as fast as the others."""
-        self._path.prepare(width, height)
+        self._path.prepare(*check_frame_size(width, height))
 
     @typed_memory_errors()
     def predict(
@@ -206,9 +207,8 @@ class DepthEstimator:
     ) -> Iterator[DepthResult]:
         """Estimate depth for every (left, right) of ``source``, in order and with the answers of `predict`.
 
-        As many frames are in flight as the estimator has threads, each on one thread from end to end: no core waits
-        for another, so the rate is the highest there is, at the price of a delay of one frame's time on one thread.
-        A thread of its own reads ``source``. All frames must have the size of the first.
+        Each frame is computed on one thread, and as many frames at a time as the estimator has threads. This gives the
+        highest frame rate. The latency is one frame's time on one thread. Another thread reads ``source``. All frames must have the size of the first.
 
         Args:
             source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
@@ -216,8 +216,8 @@ class DepthEstimator:
                 source of `open_source` is taken as it is; each result then has its frame as ``source_frame``.
             reuse: write all results into a fixed ring of maps, so that no memory is allocated per frame; each result is
                 then good until the next one is drawn.
-            temporal: draw each frame's disparity towards that of the frame before, moved to where its surfaces are now
-                and only where both pictures agree. What stands still then flickers less; see ``docs/live.md``.
+            temporal: filter against flicker. It moves the disparity of the frame before with the surfaces, and blends it
+                with the new one where both images agree; see ``docs/live.md``.
             follow_rig: correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for
                 certain that the right camera has turned against the calibration. The log ``endosdk`` says so, and
                 each result's ``rig.corrected_deg`` says by how much. Needs a calibration. Answers then depend on the
