@@ -138,7 +138,11 @@ int main(int argc, char **argv) {
     check(endo_predict(estimator, &views[0], &views[1], &result), "predict");
     if (result.quality == ENDO_QUALITY_INVALID) {
         memset(map, 0, pixels * sizeof *map);
-        fprintf(stderr, "depth_cli: this pair must not be used: too little of it has an answer\n");
+        fprintf(stderr, "depth_cli: this pair must not be used:");
+        for (int32_t cause = 0; cause < ENDO_MOST_CAUSES; ++cause) {
+            if (result.causes >> cause & 1) fprintf(stderr, " %s", endo_cause_name(cause));
+        }
+        fprintf(stderr, "\n");
     }
     write_map(argv[4], map, left.width, left.height);
     printf("%s: %.1f %% of %dx%d pixels are valid, %.1f ms\n", argv[4], 100.0 * result.valid_share, left.width,

@@ -283,7 +283,7 @@ void bind_stream(py::module_& m) {
       .def("submit", &PythonStream::submit, py::arg("left").noconvert(), py::arg("right").noconvert(), py::arg("maps"),
            py::arg("stamp_ns"))
       .def("receive", &PythonStream::receive)
-      .def("follow_rig", &PythonStream::follow_rig)
+      .def("follow_rig", &PythonStream::follow_rig, py::call_guard<py::gil_scoped_release>())
       .def("end", &PythonStream::end)
       .def("close", &PythonStream::close);
 }

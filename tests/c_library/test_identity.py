@@ -80,6 +80,29 @@ def test_a_damaged_runtime_is_refused_before_it_runs(library, runtime_sha256, tm
     assert str(file) not in Path("/proc/self/maps").read_text()
 
 
+def test_a_pinned_runtime_is_a_path(library, runtime_sha256, tmp_path, monkeypatch):
+    (tmp_path / "libonnxruntime.so").symlink_to(c.runtime_library())
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(c.CError, match="must be a path with a folder") as refused:
+        c.CEstimator(library, TINY_MODEL, runtime_library=b"libonnxruntime.so", runtime_sha256=runtime_sha256.encode())
+    assert refused.value.name == "INVALID_ARGUMENT"
+
+
+def test_a_file_that_took_the_place_of_the_one_in_memory_is_refused(library, runtime_sha256, tmp_path):
+    file, other = tmp_path / "libonnxruntime.so", tmp_path / "other.so"
+    content = c.runtime_library().read_bytes()
+    file.write_bytes(content)
+    c.CEstimator(
+        library, TINY_MODEL, runtime_library=str(file).encode(), runtime_sha256=runtime_sha256.encode()
+    ).close()
+    other.write_bytes(content + b"\0")
+    other.replace(file)
+    pin = hashlib.sha256(content + b"\0").hexdigest()
+    with pytest.raises(c.CError, match="must have SHA-256") as refused:
+        c.CEstimator(library, TINY_MODEL, runtime_library=str(file).encode(), runtime_sha256=pin.encode())
+    assert refused.value.name == "RUNTIME_HASH_MISMATCH"
+
+
 def test_old_pairs_are_stale_and_all_have_their_age(library):
     estimator = c.CEstimator(library, TINY_MODEL, max_age_ms=5000.0)
     fresh = estimator.predict(*PAIR, maps=("disparity",), stamp_ns=time.monotonic_ns())[0]

@@ -103,6 +103,12 @@ def test_what_cannot_be_measured_is_refused(library, measured):
     result.sigma = None
     assert library.endo_point_at(byref(numbers), byref(result), c_double(30), c_double(20), byref(point)) == 1
     assert b"result.sigma" in library.endo_last_error()
+    length = made(Measured)
+    line = np.linspace((5, 5), (150, 90), 10001)
+    assert (
+        library.endo_path_length(byref(numbers), byref(result), doubles(line), c_size_t(len(line)), byref(length)) == 1
+    )
+    assert b"at most 10000" in library.endo_last_error()
     point.struct_size = 8
     assert library.endo_point_at(byref(numbers), byref(result), c_double(30), c_double(20), byref(point)) == 1
     assert b"point.struct_size" in library.endo_last_error()

@@ -141,7 +141,9 @@ def test_one_view_is_known_though_a_bit_or_some_noise_differs():
         assert apart(left, shifted_pair(120, 200, moved)[1]) > _core.displacement_of_one_view
 
 
-@pytest.mark.parametrize("shape", [(120, 200), (90, 960, 3), (150, 1500, 3), (160, 1920, 3), (240, 3000, 3), (300, 3900, 3)])
+@pytest.mark.parametrize(
+    "shape", [(120, 200), (90, 960, 3), (150, 1500, 3), (160, 1920, 3), (240, 3000, 3), (300, 3900, 3)]
+)
 def test_displacement_equals_twin(shape):
     left, _ = shifted_pair(*shape[:2], 9)
     rng = np.random.default_rng(4)

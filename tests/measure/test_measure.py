@@ -127,6 +127,11 @@ def test_a_distance_along_the_plane_by_hand(plane):
     assert "95 % within" in str(found)
 
 
+def test_a_pixel_that_is_named_twice_adds_no_error(plane):
+    once, twice = path_length(plane, [(40, 40), (80, 40)]), path_length(plane, [(40, 40), (40, 40), (80, 40), (80, 40)])
+    assert (twice.value, twice.standard_error) == pytest.approx((once.value, once.standard_error))
+
+
 def test_errors_of_a_distance_equal_those_of_drawn_depths(plane):
     # Depths drawn with the stated errors and correlation: the lengths spread as far as the standard error says.
     pixels = [(30, 30), (50, 34), (52, 60)]

@@ -39,7 +39,7 @@ def path_length(result: DepthResult, pixels: Array) -> tuple[float, float]:
     for i, step in enumerate(steps):
         length = np.linalg.norm(step)
         if length == 0:
-            variance += np.trace(covariance[i : i + 2, i : i + 2])
+            variance += covariance[i, i] + covariance[i + 1, i + 1] - 2 * covariance[i, i + 1]
             continue
         direction = step / length
         slope[i] -= direction @ rays[i]

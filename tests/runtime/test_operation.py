@@ -151,6 +151,11 @@ def test_a_size_that_no_frame_has_is_refused(size):
     estimator.prepare(160, 96)
 
 
+def test_a_frame_so_narrow_that_the_network_has_no_picture_of_it_is_refused():
+    with pytest.raises(errors.InvalidArgument, match=r"size: must be wider: .* 32767 px; got 4x480"):
+        DepthEstimator("fast").prepare(4, 480)
+
+
 def test_a_closed_estimator_says_so():
     with DepthEstimator(TINY_MODEL) as estimator:
         kept = estimator.predict(*PAIR)

@@ -46,7 +46,7 @@ thread. A thread that calls the library needs 256 KB of stack.
 
 Errors. A function that can fail returns a status, and endo_last_error() says which argument broke which rule with what
 value. A failed call leaves the estimator as it was, and usable. No exception leaves this library, and it never ends the
-process. ONNX Runtime can, where memory runs out.
+process. ONNX Runtime can, where memory runs out or its file is damaged: pin it by options.runtime_sha256.
 
 Structs begin with struct_size, which you set to sizeof the struct: the library then knows which fields you know. Fields
 are only ever appended. A field that your library does not know must be zero, else the call is refused.
@@ -54,7 +54,10 @@ are only ever appended. A field that your library does not know must be zero, el
 Units: pixels, millimetres, milliseconds. Pixel (0, 0) is the centre of the first pixel. x_right = x_left - disparity.
 
 Networks and files: the library opens no socket, and no file but the model, ONNX Runtime's own library and, for the name of
-the processor, /proc/cpuinfo; where a signature is checked, also libcrypto, which reads its own configuration.
+the processor, /proc/cpuinfo; where a signature is checked, also libcrypto, which reads its own configuration. ONNX Runtime
+reads what Linux states of processors and devices below /proc and /sys, and may write to stderr where it is not there.
+
+Signals: the library's threads block all signals but those of faults, so that they reach yours.
 
 Windows: paths are UTF-8. Define ENDOSDK_STATIC where you link the static library. */
 #ifndef ENDOSDK_H
@@ -302,7 +305,8 @@ typedef struct endo_identity {
 
 /* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it. They must be aligned
    to their type, and overlap neither each other nor a picture of the call nor a map of a frame in flight.
-   When endo_predict fails after it accepted this struct, every pixel reads as one without an answer. */
+   When endo_predict fails, quality is ENDO_QUALITY_INVALID and frame is 0. Every pixel then reads as one without an answer, but
+   for maps that were refused themselves: nothing is written to these. */
 typedef struct endo_result {
     uint32_t struct_size;
     int32_t quality;                  /* out: endo_quality */
@@ -342,18 +346,21 @@ typedef struct endo_result {
     endo_identity identity;           /* out */
 } endo_result;
 
-/* Allocate for frames of this size and run once, so that the first real frame is as fast as the others. */
+/* Allocate for frames of this size and run once, so that the first real frame is as fast as the others. The memory of the
+   size before is freed: for cameras of several sizes, open an estimator each. */
 ENDO_API endo_status endo_prepare(endo_estimator *estimator, int32_t width, int32_t height);
 
 /* Compute the maps of one pair. A new frame size is prepared first. */
 ENDO_API endo_status endo_predict(endo_estimator *estimator, const endo_image *left, const endo_image *right,
                                   endo_result *result);
 
-/* Rectify one pair at its own size, as tight RGB rows: what its maps lie over. Either output may be NULL. */
+/* Rectify one pair at its own size, as tight RGB rows: what its maps lie over. Either output may be NULL. capacity: bytes
+   that each output can hold. */
 ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *left, const endo_image *right,
                                   uint8_t *rectified_left, uint8_t *rectified_right, size_t capacity);
 
-/* Copy the latest pair as the network saw it, tight RGB rows at the network's size; NULL: not wanted. */
+/* Copy the latest pair as the network saw it, tight RGB rows at the network's size, which endo_get_diagnostics states; NULL:
+   not wanted. capacity: bytes that each output can hold. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
 /* Make the calls that are running, and the frames in flight, end with ENDO_CANCELLED soon. From any thread. */
@@ -445,7 +452,7 @@ typedef struct endo_area {
 ENDO_API endo_status endo_point_at(const endo_calibration *calibration, const endo_result *result, double x, double y,
                                    endo_point *point);
 
-/* Length of the line through the points at two pixels, which is their distance, or more. */
+/* Length of the line through the points at two pixels, which is their distance, or more, up to 10,000. */
 ENDO_API endo_status endo_path_length(const endo_calibration *calibration, const endo_result *result, const double *pixels,
                                       size_t count, endo_measured *length);
 

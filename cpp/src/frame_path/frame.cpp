@@ -7,8 +7,10 @@
 namespace endosdk {
 
 void check_frame_size(Size size, const char* argument) {
-  const bool fits = size.width > 0 && size.height > 0 && int64_t{size.width} * size.height <= std::numeric_limits<int32_t>::max() / 3;
-  require(fits, argument, "must be at least 1x1 and a frame less than 2 GiB", Text(size.width, "x", size.height));
+  const auto known = [](int side) { return side > 0 && side <= longest_side; };
+  const bool fits = known(size.width) && known(size.height) && int64_t{size.width} * size.height <= std::numeric_limits<int32_t>::max() / 3;
+  require(fits, argument, Text("must be 1x1 to ", longest_side, "x", longest_side, " and a frame less than 2 GiB"),
+          Text(size.width, "x", size.height));
 }
 
 void check_pair(const FramePair& pair) {

@@ -77,7 +77,10 @@ void FramePath::check_stamp(const FramePair& pair) const {
 }
 
 Size FramePath::network_size(Size frame) const {
-  return settings_.network.value_or(network_size_of(frame, model().inference_width));
+  const Size network = settings_.network.value_or(network_size_of(frame, model().inference_width));
+  require(network.height <= longest_side, "size", Text("must be wider: at the network's width it is higher than ", longest_side, " px"),
+          Text(frame.width, "x", frame.height));
+  return network;
 }
 
 double FramePath::largest_disparity(Size frame) const {
@@ -114,6 +117,7 @@ void FramePath::prepare(Size frame) {
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const Clock::time_point asked = Clock::now();
   check_frame_size(frame, "size");
+  network_size(frame);  // refuses one that is too narrow, before memory is taken for it
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
   const std::vector<uint8_t> black(bytes(frame));
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
@@ -206,6 +210,16 @@ void FramePath::tell_correction(const PoseVector& corrected) const {
   settings_.log(ENDO_LOG_WARNING, line);
 }
 
+void FramePath::add_stream(Stream* stream) {
+  const std::lock_guard lock(streams_mutex_);
+  streams_.insert(stream);
+}
+
+void FramePath::remove_stream(Stream* stream) {
+  const std::lock_guard lock(streams_mutex_);
+  streams_.erase(stream);
+}
+
 std::unique_ptr<Stream> FramePath::stream(Size frame) {
   process_.check();
   const std::lock_guard lock(calls_);
@@ -279,6 +293,10 @@ void FramePath::close() {
   {
     const std::lock_guard state(state_);
     closed_ = true;
+  }
+  {
+    const std::lock_guard streams(streams_mutex_);
+    for (Stream* const stream : streams_) stream->end();
   }
   const std::lock_guard lock(calls_);
   slot_.reset();

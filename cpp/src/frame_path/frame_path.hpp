@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -64,7 +65,7 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   // The process it was made in. Every call in a forked child is refused, before it could wait for ever.
   const OwnProcess& process() const { return process_; }
 
-  // Waits for the call that runs. Later ones are refused.
+  // Waits for the call that runs. Later ones are refused. Streams take no further frame; those in flight can be received.
   void close();
 
   // Of the frames that are computed from now on.
@@ -89,6 +90,8 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   void count(FrameReport& report);
   void keep_latest(std::shared_ptr<Slot> slot);
   void tell_correction(const PoseVector& corrected) const;
+  void add_stream(Stream* stream);
+  void remove_stream(Stream* stream);
 
   const OwnProcess process_;
   const FramePathSettings settings_;
@@ -101,6 +104,9 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   std::shared_ptr<Slot> slot_;
   RigWatch watch_;  // of frames outside streams
   std::shared_ptr<const RectifyStage> full_;
+
+  std::mutex streams_mutex_;
+  std::set<Stream*> streams_;  // that are open
 
   mutable std::mutex state_;  // guards what follows
   std::shared_ptr<const Rig> rig_;

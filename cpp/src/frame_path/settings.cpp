@@ -9,9 +9,9 @@ namespace endosdk {
 
 void check_settings(const FramePathSettings& s) {
   require(s.threads >= 0 && s.threads <= max_threads, "threads", Text("must be a whole number, 1 to ", max_threads), s.threads);
-  const auto is_side = [](int side) { return side >= 1 && side <= longest_network_side; };
+  const auto is_side = [](int side) { return side >= 1 && side <= longest_side; };
   require(!s.network || (is_side(s.network->width) && is_side(s.network->height)), "network_size",
-          Text("must be (width, height) in whole pixels, 1 to ", longest_network_side),
+          Text("must be (width, height) in whole pixels, 1 to ", longest_side),
           Text("(", s.network.value_or(Size()).width, ", ", s.network.value_or(Size()).height, ")"));
   const Limits& l = s.limits;
   require(l.min_confidence >= 0.0 && l.min_confidence <= 1.0, "min_confidence", "must be a number in 0..1", l.min_confidence);

@@ -10,11 +10,9 @@
 
 namespace endosdk {
 
-constexpr int longest_network_side = 32767;  // px; positions in a picture are stored in 16 bits
-
 struct FramePathSettings {
   int threads = 0;              // processor threads per stage; 0: default_thread_count()
-  std::optional<Size> network;  // the network's pictures; none: at most the model's inference width
+  std::optional<Size> network;  // the network's pictures; none: of the model's inference width
   Limits limits = {0.7, 0.0, std::numeric_limits<double>::infinity(), 0.1};
   double deadline_ms = 0.0;  // a frame that takes longer is late; 0: none is
   double max_age_ms = 0.0;   // a pair that was taken longer ago is stale; 0: none is

@@ -31,6 +31,8 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
     for (int i = 0; i < lanes_; ++i) threads_.emplace_back([this] { serve(); });
     std::unique_lock lock(mutex_);
     change_.wait(lock, [&] { return begun_ == lanes_; });
+    lock.unlock();
+    path_->add_stream(this);
   } catch (...) {
     close();
     throw;
@@ -45,6 +47,7 @@ void Stream::set_temporal(bool on) {
 
 bool Stream::wait_for_room() {
   path_->process().check();
+  path_->check_open();
   std::unique_lock lock(mutex_);
   change_.wait(lock, [&] { return has_room() || ended_ || closed_; });
   return !ended_ && !closed_;
@@ -185,6 +188,7 @@ void Stream::end() {
 
 void Stream::close() {
   if (!path_->process().is_this()) return;
+  path_->remove_stream(this);
   {
     const std::lock_guard lock(mutex_);
     ended_ = closed_ = true;

@@ -8,7 +8,8 @@ namespace {
 
 std::string list(const double* values, int count) {
   std::string text;
-  for (int i = 0; i < count; ++i) text.append(i == 0 ? "[" : ",").append(json_number(values[i]));
+  // Of -0 as of 0: rigs that are equal have one hash.
+  for (int i = 0; i < count; ++i) text.append(i == 0 ? "[" : ",").append(json_number(values[i] + 0.0));
   return text.empty() ? "[]" : text.append("]");
 }
 

@@ -81,6 +81,13 @@ void check_field_of_view(const double* field, int width, int height, const char*
               Text("must reach into the frame, ", width, "x", height), seen);
 }
 
+void check_plausible_baseline(const endo_calibration& rig) {
+  const double* const t = rig.translation;
+  const double baseline = std::sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
+  require_rig(baseline >= plausible_baseline_mm[0] && baseline <= plausible_baseline_mm[1], "translation",
+              Text("must be in mm: a baseline of ", plausible_baseline_mm[0], " to ", plausible_baseline_mm[1], " mm"), Text(baseline, " mm"));
+}
+
 void check_rig(const endo_calibration& rig) {
   require_rig(rig.camera_model == ENDO_PINHOLE || rig.camera_model == ENDO_FISHEYE, "camera_model",
               "must be ENDO_PINHOLE or ENDO_FISHEYE", rig.camera_model);

@@ -14,13 +14,12 @@ namespace {
 
 constexpr int rows_per_block = 16;
 constexpr int steps_per_pixel = 128;  // of a stored position
-constexpr int max_side = 32767;       // coordinates are stored in 16 bits
 
 auto size_text(Size size) { return Text(size.width, "x", size.height); }
 
 void check_size(Size size, const char* name) {
-  require(size.width >= 1 && size.height >= 1 && size.width <= max_side && size.height <= max_side, name,
-          Text("must be 1x1 to ", max_side, "x", max_side), size_text(size));
+  require(size.width >= 1 && size.height >= 1 && size.width <= longest_side && size.height <= longest_side, name,
+          Text("must be 1x1 to ", longest_side, "x", longest_side), size_text(size));
 }
 
 int checked_reduction(Size raw, Size rectified) {

@@ -73,7 +73,6 @@ class Rectifier {
   void rectify(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
                ChannelOrder order, RectifyScratch& scratch) const;
 
-  Size raw_size() const { return raw_; }
   Size rectified_size() const { return rectified_; }
   const std::vector<uint8_t>& valid_left() const { return left_.valid(); }
   const std::vector<uint8_t>& valid_right() const { return right_.valid(); }

@@ -34,7 +34,7 @@ endosdk::MeasuredMaps maps_of(const endosdk::Rig& rig, const endo_result* result
 }
 
 std::vector<endosdk::Point> pixels_of(const double* pixels, size_t count) {
-  constexpr size_t most = 100000;
+  constexpr size_t most = 10000;  // what a path takes grows with the square: two seconds
   require_pointer(pixels, "pixels");
   require(count <= most, "count", endosdk::Text("must be at most ", most), count);
   std::vector<endosdk::Point> points(count);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "geometry/pose_filter.hpp"
+#include "geometry/rig_rules.hpp"
 #include "maps/reasons.hpp"
 #include "library/struct_io.hpp"
 #include "platform/errors.hpp"
@@ -73,7 +74,9 @@ Memory memory_of(const ImageView& image, const char* name) {
 Rig read_rig(const endo_calibration& calibration) {
   const endo_calibration numbers = read_struct(&calibration, first_calibration, "calibration");
   try {
-    return Rig(numbers);
+    Rig rig(numbers);
+    check_plausible_baseline(numbers);
+    return rig;
   } catch (const Error& error) {  // the core found no rectified geometry
     if (error.argument() == "size" || error.status() != ENDO_INVALID_ARGUMENT) throw;
     throw Error(ENDO_INVALID_CALIBRATION, error.argument(), error.rule(), error.value());
@@ -102,21 +105,35 @@ FramePair frame_pair(const endo_image* left, const endo_image* right) {
   return pair;
 }
 
-endo_result read_result(const endo_result* result) {
-  const endo_result known = read_struct(result, first_result, "result");
+namespace {
+
+void check_result(const endo_result& known) {
   constexpr uint64_t most = std::numeric_limits<int32_t>::max();
   require_argument(known.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known.capacity);
   require_argument(known.reserved == 0, "result.reserved", "must be 0", known.reserved);
   require_argument(known.reserved2 == 0, "result.reserved2", "must be 0", known.reserved2);
   check_memory(maps_of(known), known.capacity);
+}
+
+}  // namespace
+
+endo_result read_result(const endo_result* result) {
+  const endo_result known = read_struct(result, first_result, "result");
+  check_result(known);
   return known;
 }
 
 void ResultWriter::accept(endo_result* result, std::shared_ptr<ResultsInFlight> in_flight) {
-  known_ = read_result(result);
-  if (in_flight != nullptr) in_flight->add(result, maps(), known_.capacity);
-  in_flight_ = std::move(in_flight);
+  known_ = read_struct(result, first_result, "result");
   target_ = result;
+  try {
+    check_result(known_);
+    if (in_flight != nullptr) in_flight->add(result, maps(), known_.capacity);
+  } catch (const Error&) {
+    give_up(in_flight == nullptr);
+    throw;
+  }
+  in_flight_ = std::move(in_flight);
 }
 
 void ResultWriter::check_apart(const FramePair& pair) {
@@ -124,7 +141,7 @@ void ResultWriter::check_apart(const FramePair& pair) {
     endosdk::check_apart(maps(), known_.capacity, memory_of(pair.left, "left"));
     endosdk::check_apart(maps(), known_.capacity, memory_of(pair.right, "right"));
   } catch (const Error&) {
-    let_go();  // what is written after a failure would lie in the pictures
+    give_up(in_flight_ == nullptr);
     throw;
   }
 }
@@ -196,6 +213,12 @@ void ResultWriter::write_failure() {
   if (target_ == nullptr) return;
   write_no_answer(maps(), static_cast<size_t>(known_.capacity));
   write({});
+}
+
+// Nothing may be written to the maps: they may lie in each other, or in the pictures.
+void ResultWriter::give_up(bool alone) {
+  if (alone) write({});
+  let_go();
 }
 
 void ResultWriter::store() {

@@ -37,6 +37,7 @@ class ResultWriter {
  private:
   void write_rig(const FrameReport& report);
   void write_identity(const Identity& identity);
+  void give_up(bool alone);
   void store();
   void let_go();
 

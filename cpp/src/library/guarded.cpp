@@ -2,6 +2,8 @@
 
 #include <cstdio>
 
+#include "platform/log.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -14,6 +16,7 @@ const char* last_error() { return text; }
 
 endo_status report(endo_status status, const char* message) {
   std::snprintf(text, sizeof text, "%s [%s]", message, endo_status_name(status));
+  make_one_line(text);
   return status;
 }
 

@@ -1,5 +1,7 @@
 #include "library/log_reader.hpp"
 
+#include <string>
+
 namespace endosdk {
 
 // Called from within the runtime, which no exception may enter.
@@ -11,7 +13,10 @@ void ORT_API_CALL LogReader::forward(void* reader, OrtLoggingLevel severity, con
                                                                        : ENDO_LOG_INFO;
   try {
     if (self.reading_) self.lines_.read(message);
-    if (severity >= self.severity()) self.log_(level, message);
+    if (severity < self.severity()) return;
+    std::string line(message);
+    make_one_line(line.data());
+    self.log_(level, line.c_str());
   } catch (...) {
     // The line is lost; the frame is not.
   }

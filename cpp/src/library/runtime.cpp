@@ -59,7 +59,12 @@ bool telemetry_is_off() {
 std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const std::string& expected, const Log& log) {
   require(expected.empty() || !path.empty(), "runtime_sha256",
           "needs runtime_library: the file must be known before it is opened", "none");
-  if (!expected.empty()) check_sha256(hash_of(path), expected, ENDO_RUNTIME_HASH_MISMATCH, "runtime", path);
+  if (!expected.empty()) {
+    // The system looks for a bare name elsewhere, and would open another file than the one whose hash is taken.
+    require(std::filesystem::path(path).has_parent_path(), "runtime_library", "must be a path with a folder where runtime_sha256 is given",
+            path);
+    check_sha256(hash_of(path), expected, ENDO_RUNTIME_HASH_MISMATCH, "runtime", path);
+  }
   const bool was_off = telemetry_is_off();
   // The library reads this while it is being opened; later is too late. It is not touched when it is set already.
   if (!was_off && !system::set_environment(telemetry_switch, "1")) throw std::bad_alloc();
@@ -79,6 +84,8 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const std:
       pass_on(place + (runtime->version_.empty() ? ", another library" : ", " + runtime->version_));
       continue;
     }
+    // What was opened before stays in memory, although another file may have its name now.
+    if (!expected.empty()) check_sha256(runtime->sha256(), expected, ENDO_RUNTIME_HASH_MISMATCH, "runtime", place);
     if (runtime->telemetry_on()) {
       log(ENDO_LOG_WARNING, "ONNX Runtime was opened by the host with its telemetry on; set ORT_DISABLE_TELEMETRY=1 first");
     }

@@ -1,5 +1,6 @@
 #include "measure/lengths.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -41,7 +42,7 @@ Sighted look(const MeasuredMaps& maps, Point pixel) {
 
 // The part of a length's variance that its slope misses: errors across the line always lengthen it.
 double curvature_term(const Sighted& a, const Sighted& b, const Vec3& direction, double length, const double covariance[2][2]) {
-  if (length <= 0.0) return covariance[0][0] + covariance[1][1];
+  if (length <= 0.0) return std::max(0.0, covariance[0][0] + covariance[1][1] - covariance[0][1] - covariance[1][0]);
   const auto across = [&](const Vec3& ray) { return difference(ray, scale(direction, dot(ray, direction))); };
   const Vec3 first = across(a.ray);
   const Vec3 second = across(b.ray);

@@ -5,6 +5,13 @@
 
 namespace endosdk {
 
+// Messages of ONNX Runtime may have several lines.
+inline void make_one_line(char* text) {
+  for (; *text != '\0'; ++text) {
+    if (static_cast<unsigned char>(*text) < ' ') *text = ' ';
+  }
+}
+
 struct Log {
   endo_log_function function = nullptr;
   void* context = nullptr;

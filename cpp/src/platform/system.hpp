@@ -57,6 +57,9 @@ bool has_arm_dot_products();
 // What debuggers and `top` show of the calling thread; at most 15 bytes.
 void name_this_thread(const char* name);
 
+// Leaves signals that are sent to the process to its other threads. Those of faults stay. Where there are signals.
+void block_signals();
+
 // Whether the system gives this process so many more bytes of memory now. None of them stays.
 bool has_memory(size_t bytes);
 

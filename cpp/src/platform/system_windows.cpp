@@ -149,6 +149,8 @@ void name_this_thread(const char* name) {
   if (set != nullptr) set(GetCurrentThread(), std::wstring(name, name + std::strlen(name)).c_str());
 }
 
+void block_signals() {}
+
 std::string processor_name() {
   wchar_t name[256] = {};
   DWORD size = sizeof name;

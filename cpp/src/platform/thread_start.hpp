@@ -1,4 +1,5 @@
-// How each thread of this library begins: it gets its name, and the host may set its priority and its cores.
+// How each thread of this library begins: it leaves signals to the host, gets its name, and the host may set its priority and
+// its cores.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -15,6 +16,7 @@ struct ThreadHook {
 
 // To be called once, by the thread itself and before it works.
 inline void start_thread(const char* name, const ThreadHook& hook) {
+  system::block_signals();
   system::name_this_thread(name);
   if (hook.function != nullptr) hook.function(hook.context, name);
 }

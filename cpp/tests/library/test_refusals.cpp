@@ -123,6 +123,9 @@ void bad_calibrations_are_refused_and_change_nothing(const Places& at) {
   refused([](Rig& r) { r.rotation[0] = -1; }, ENDO_INVALID_CALIBRATION, "mirrors");
   refused([](Rig& r) { r.left_field_of_view[2] = 0.4; }, ENDO_INVALID_CALIBRATION, "left_field_of_view");
   refused([](Rig& r) { r.right_field_of_view[0] = std::nan(""); }, ENDO_INVALID_CALIBRATION, "right_field_of_view");
+  for (const double metres : {1e-3, 1e3}) {
+    refused([&](Rig& r) { for (double& part : r.translation) part *= metres; }, ENDO_INVALID_CALIBRATION, "must be in mm");
+  }
   refused([](Rig& r) { r.width = 0; }, ENDO_INVALID_ARGUMENT, "size");
   refused([](Rig& r) { r.struct_size = 8; }, ENDO_INVALID_ARGUMENT, "struct_size");
   Output out(pixels, true);
@@ -139,7 +142,9 @@ void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
     endo_result result = out.result;
     change(left, right, result);
     CHECK(estimator.predict(pair, out) == ENDO_OK);  // something to be stale
+    result.quality = ENDO_QUALITY_OK;
     expect(endo_predict(estimator.get(), &left, &right, &result), ENDO_INVALID_ARGUMENT, word);
+    CHECK(result.struct_size == 0 || (result.quality == ENDO_QUALITY_INVALID && result.frame == 0));
   };
   refused([](endo_image& l, endo_image&, endo_result&) { l.data = nullptr; }, "left");
   refused([](endo_image& l, endo_image&, endo_result&) { l.format = 9; }, "endo_pixel_format");
@@ -178,7 +183,7 @@ void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
 }
 
 // What a failure writes would lie in the picture, too.
-void maps_over_a_picture_are_refused_and_nothing_is_written(const Places& at) {
+void maps_over_a_picture_are_refused_and_not_written_to(const Places& at) {
   const Opened estimator(at);
   const Pair pair(width, height, 9);
   std::vector<float> shared(pixels);  // has room for a picture
@@ -189,7 +194,7 @@ void maps_over_a_picture_are_refused_and_nothing_is_written(const Places& at) {
   const auto refused = [&](const endo_image& left, const endo_image& right, const char* word) {
     out.result.quality = 77;
     expect(endo_predict(estimator.get(), &left, &right, &out.result), ENDO_INVALID_ARGUMENT, word);
-    CHECK(out.result.quality == 77 && std::equal(pair.left.begin(), pair.left.end(), bytes));
+    CHECK(out.result.quality == ENDO_QUALITY_INVALID && std::equal(pair.left.begin(), pair.left.end(), bytes));
   };
   endo_image over = pair.left_image();
   over.data = bytes;
@@ -214,5 +219,5 @@ int main(int argc, char** argv) {
   structs_may_be_longer_than_this_library_knows(at);
   bad_calibrations_are_refused_and_change_nothing(at);
   bad_frames_are_refused_and_read_as_no_answer(at);
-  maps_over_a_picture_are_refused_and_nothing_is_written(at);
+  maps_over_a_picture_are_refused_and_not_written_to(at);
 }

@@ -189,6 +189,32 @@ void closing_waits_for_the_frame_that_runs(const Places& at) {
   }
 }
 
+void closing_an_estimator_ends_its_streams(const Places& at) {
+  endo_estimator* handle = nullptr;
+  endo_options options = default_options(at);
+  options.threads = 1;
+  CHECK(endo_open_file(at.model.c_str(), &options, &handle) == ENDO_OK);
+  endo_stream* stream = nullptr;
+  CHECK(endo_stream_open(handle, width, height, nullptr, &stream) == ENDO_OK);
+  const Pair pair(width, height, 9);
+  const endo_image left = pair.left_image();
+  const endo_image right = pair.right_image();
+  Output first(pixels);
+  Output second(pixels);
+  CHECK(endo_stream_submit(stream, &left, &right, &first.result) == ENDO_OK);
+  endo_status status = ENDO_OK;
+  std::thread waits([&] { status = endo_stream_submit(stream, &left, &right, &second.result); });  // for room
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  endo_close(handle);
+  waits.join();
+  CHECK(status == ENDO_INVALID_ARGUMENT);
+  expect(endo_stream_submit(stream, &left, &right, &second.result), ENDO_INVALID_ARGUMENT, "estimator: must be open");
+  endo_result* received = nullptr;
+  CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == &first.result && first.result.frame == 1);
+  CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == nullptr);
+  endo_stream_close(stream);
+}
+
 void reports_do_not_wait_for_frames(const Places& at) {
   const Opened estimator(at);
   const Pair pair(1280, 960, 9);
@@ -274,6 +300,7 @@ int main(int argc, char** argv) {
   memory_of_a_frame_in_flight_is_not_taken_again(at);
   frames_in_flight_can_be_cancelled(at);
   closing_waits_for_the_frame_that_runs(at);
+  closing_an_estimator_ends_its_streams(at);
   reports_do_not_wait_for_frames(at);
   late_counts_the_wait_for_others(at);
   late_counts_the_wait_for_room(at);

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <chrono>
 #include <map>
 #include <mutex>
@@ -102,6 +103,8 @@ void every_thread_is_shown_to_the_host(const Places& at) {
   for (const auto& [thread, name] : seen.names) {
     CHECK(status_of(thread, "Name") == name);
     CHECK(status_of(thread, "Cpus_allowed_list") == std::to_string(seen.core));
+    const unsigned long long blocked = std::stoull(status_of(thread, "SigBlk"), nullptr, 16);
+    CHECK((blocked >> (SIGTERM - 1) & 1) == 1 && (blocked >> (SIGSEGV - 1) & 1) == 0);
   }
   endo_stream_close(stream);
 }
