@@ -7,9 +7,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from endosdk.calibration.rig import StereoCalibration
+from endosdk.calibration.rules import CameraModel
 from endosdk.errors import InvalidArgument
+from endosdk.live.recording.bags import type_store
+from endosdk.live.recording.messages import LEFT, MessageMaker
 from tests.rigs import fisheye_rig, raw_rig
 
 BROWN = {
@@ -44,6 +48,32 @@ def test_ros_has_two_files_and_metres(tmp_path: Path) -> None:
     assert (left.name, right.name) == ("rig.left.ros.yaml", "rig.right.ros.yaml")
     geometry = rig.rectification()
     assert str(geometry.P2[0, 3] * 1e-3) in right.read_text()
+
+
+@pytest.mark.parametrize(
+    ("model", "count", "name", "wanted"),
+    [
+        ("fisheye", 0, "equidistant", 4),
+        ("fisheye", 4, "equidistant", 4),
+        ("pinhole", 0, "plumb_bob", 5),
+        ("pinhole", 4, "plumb_bob", 5),
+        ("pinhole", 5, "plumb_bob", 5),
+        ("pinhole", 8, "rational_polynomial", 8),
+    ],
+)
+def test_files_and_messages_of_ros_hold_as_many_coefficients_as_their_model_takes(
+    tmp_path: Path, model: CameraModel, count: int, name: str, wanted: int
+) -> None:
+    distortion = np.linspace(0.01, 0.02, count)
+    rig = raw_rig(model=model, left_distortion=distortion, right_distortion=distortion)
+    left, _ = rig.save(tmp_path / "rig.ros.yaml")
+    stated = yaml.safe_load(left.read_text())
+    make = MessageMaker(type_store(ros1=False).types, ros1=False)
+    message = make.camera(0, LEFT, rig, rig.rectification())
+    assert (stated["distortion_model"], message.distortion_model) == (name, name)
+    padded = [*distortion, *[0.0] * (wanted - count)]
+    assert stated["distortion_coefficients"]["data"] == pytest.approx(padded)
+    assert message.d.tolist() == pytest.approx(padded)
 
 
 def test_opencv_itself_reads_the_file(tmp_path: Path) -> None:

@@ -76,6 +76,8 @@ def edited(tmp_path: Path, **changes: Any) -> Path:
         ({"left": [1]}, CalibrationUnreadable, "matrix and distortion"),
         ({"left": {"matrix": 1}}, CalibrationUnreadable, "distortion"),
         ({"left": FIELD_IN_SHARES}, InvalidCalibration, "rig.json: left_field_of_view: must be middle x, y and half"),
+        ({"width": "wide"}, InvalidCalibration, "rig.json: size: must be two whole numbers"),
+        ({"height": 1}, InvalidCalibration, "rig.json: size: must be two whole numbers"),
         ({"rotation": "turn"}, InvalidCalibration, "rig.json: rotation"),
         ({"translation": [4.6, 0, 0]}, InvalidCalibration, "swapped"),
         ({"rotation": [[float("nan")] * 3] * 3}, InvalidCalibration, "finite"),

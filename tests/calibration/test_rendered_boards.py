@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from endosdk.calibration.board import BoardCalibration, calibrate_views
-from endosdk.calibration.board_page import board_page, parameter_values
+from endosdk.calibration.board_page import LeftOut, board_page, parameter_values
 from endosdk.calibration.boards import Board, BoardView, find_view
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.calibration.view_collector import ViewCollector, coverage, edge_width
+from endosdk.commands.cli import main
+from tests.live.videos import write
 from tests.rendered_boards import POSES, shown
 from tests.rigs import raw_rig
 
@@ -127,10 +131,34 @@ def test_edges_are_as_wide_as_they_are_blurred(pictures: list[list[np.ndarray]])
     assert widths == sorted(widths)
 
 
+def test_every_cause_of_frames_left_out_is_told_and_counted(
+    pictures: list[list[np.ndarray]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As many frames without a board as frames that show nothing new."""
+    frames = [np.hstack(pair) for pair in pictures[:4]]
+    video = write(tmp_path / "v.mkv", [one for shot in frames for one in (np.zeros_like(shot), shot, shot)])
+    words = ["calibrate", "board", str(video), "--pattern", "9x6", "--square-mm", "3", "--json"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 0
+    said = capsys.readouterr()
+    record = json.loads(said.out)
+    count = len(frames)
+    assert record["pairs_used"] == count
+    assert record["skipped"] == [
+        {"name": f"{count} frames", "reason": reason, "views": count}
+        for reason in ("no whole board in either view", "like a view before")
+    ]
+    for reason in ("no whole board in either view", "like a view before"):
+        assert f"left out    {count} frames: {reason}" in said.err
+    assert main([*words[:-1], "--out", str(tmp_path / "again.json")]) == 0
+    assert f"pairs       {count} used, {2 * count} left out" in capsys.readouterr().out
+
+
 def test_the_page_says_all_and_asks_nothing_of_others(rig: StereoCalibration, pictures: list[list[np.ndarray]]) -> None:
     result = calibrate_views(found_views(CHESSBOARD, pictures), (rig.width, rig.height))
-    page = board_page(result, {"<b>07</b>": "no whole board"}, {"fast": 16.2, "other": None})
+    left_out = [LeftOut("<b>07</b>", "no whole board"), LeftOut("8 frames", "moving", 8)]
+    page = board_page(result, left_out, {"fast": 16.2, "other": None})
     for part in ("Coverage", "translation x", "30 mm", "100 mm", "standard error", "17 mm", "not stated", "view 3"):
         assert part in page
+    assert "9 left out" in page
     assert "<b>07" not in page  # names are text
     assert "http" not in page and "<script" not in page

@@ -109,6 +109,12 @@ def test_equality_and_hash_follow_the_content() -> None:
     assert len({rig, twin, other}) == 2
 
 
+def test_minus_nought_is_nought() -> None:
+    zeros = {"left_distortion": np.zeros(4), "translation": np.array([-4.6, 0.0, 0.0])}
+    rig, twin = raw_rig(**zeros), raw_rig(left_distortion=-zeros["left_distortion"], translation=[-4.6, -0.0, -0.0])
+    assert rig == twin and hash(rig) == hash(twin) and rig.sha256 == twin.sha256
+
+
 def test_sha256_is_the_same_in_another_process() -> None:
     code = "from tests.rigs import raw_rig; print(raw_rig().sha256)"
     environment = {**os.environ, "PYTHONHASHSEED": "7"}

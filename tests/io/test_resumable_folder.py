@@ -1,12 +1,14 @@
 """A folder is claimed by one job, which goes on there after a stop; nothing of anybody else is touched."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.resumable_folder import claim_folder
-from endosdk.io.whole_files import whole_path
+from endosdk.io.whole_files import whole_file, whole_folder, whole_path
 
 SETTINGS = {"settings": {"size": 3}}
 
@@ -28,6 +30,31 @@ def test_another_job_is_refused(tmp_path):
     claim(tmp_path)
     with pytest.raises(InvalidArgument, match="out: must be the same job"):
         claim(tmp_path, {"settings": {"size": 4}})
+
+
+def test_what_another_is_at_work_on_stays(tmp_path):
+    claim(tmp_path)
+    with whole_folder(tmp_path / "parts" / "a", tmp_path) as part:
+        (part / "picture").write_text("half")
+        assert claim(tmp_path) == SETTINGS
+        (part / "picture").write_text("whole")
+    assert (tmp_path / "parts" / "a" / "picture").read_text() == "whole"
+
+
+KILLED = """
+import os, pathlib, sys
+from endosdk.io.whole_files import whole_folder
+with whole_folder(pathlib.Path(sys.argv[1]) / "parts" / "a", pathlib.Path(sys.argv[1])):
+    os._exit(9)
+"""
+
+
+def test_what_a_killed_process_was_at_work_on_goes(tmp_path):
+    claim(tmp_path)
+    assert subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=False).returncode == 9
+    assert len(list(tmp_path.glob(".partial-*"))) == 1
+    claim(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["job.json"]
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff", b'{"a": 1, "a": 2}'])
@@ -77,6 +104,12 @@ def test_a_library_never_writes_onto_what_is_no_file(tmp_path, kind):
         partial.write_text("x")
     assert path.is_fifo() if kind == "pipe" else path.is_symlink()
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("write", [whole_file, whole_path])
+def test_a_name_that_is_too_long_is_named(tmp_path, write):
+    with pytest.raises(StorageFailed, match="out: must be writable"), write(tmp_path / ("a" * 300), "out"):
+        pass
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path):

@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import av
 import numpy as np
@@ -19,7 +20,9 @@ from endosdk import DepthEstimator, StereoCalibration
 from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.live.recording.record import record
+from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
+from endosdk.live.sources.source import Source
 from endosdk.live.viewer import Player
 from tests.conftest import TINY_MODEL
 from tests.live.videos import side_by_side, views, write
@@ -69,7 +72,7 @@ def test_a_recording_gives_back_the_very_frames(recorded):
     frames = check(recorded)
     assert [frame.tag for frame in frames] == [{"arm": n} for n in range(COUNT)]
     assert sorted(path.name for path in recorded.iterdir()) == [
-        "depth.mkv", "frames.jsonl", "pair.mkv", "preview.mp4", "recording.json",
+        ".lock", "depth.mkv", "frames.jsonl", "pair.mkv", "preview.mp4", "recording.json",
     ]  # fmt: skip
 
 
@@ -100,6 +103,63 @@ def test_the_command_records_and_gives_back(video, tmp_path, capsys):
     frames = list(endosdk.open_source(tmp_path / "pictures"))
     assert np.array_equal(frames[5].right, PAIRS[5][1])
     assert len(list((tmp_path / "pictures" / "depth").iterdir())) == COUNT
+
+
+def test_a_recording_keeps_the_whole_rig(video, tmp_path):
+    rig = replace(RIG, left_field_of_view=(48.0, 31.0, 40.0, 30.5))
+    record(endosdk.open_source(video), estimator(rig), tmp_path / "r", most=1)
+    kept = Recording(tmp_path / "r").calibration
+    assert kept == rig
+    assert kept.sha256 == rig.sha256
+
+
+def test_nothing_is_added_after_the_end(video, tmp_path):
+    source = endosdk.open_source(video)
+    frame = next(iter(source))
+    result = estimator().predict(frame.left, frame.right)
+    with Recorder(tmp_path / "r", estimator(), source) as recorder:
+        recorder.add(frame, result)
+        recorder.close()
+        with pytest.raises(InvalidArgument, match="recorder: must not have ended"):
+            recorder.add(frame, result)
+    with Recorder(tmp_path / "r", estimator(), source) as again, pytest.raises(InvalidArgument, match="recorder"):
+        again.add(frame, result)
+    with Recorder(tmp_path / "empty", estimator(), source) as nothing:
+        nothing.close()
+        with pytest.raises(InvalidArgument, match="recorder"):
+            nothing.add(frame, result)
+    assert Recording(tmp_path / "r").count == 1
+
+
+def test_two_recorders_never_share_a_folder(video, tmp_path):
+    source = endosdk.open_source(video)
+    frame = next(iter(source))
+    with Recorder(tmp_path / "r", estimator(), source) as recorder:
+        recorder.add(frame, estimator().predict(frame.left, frame.right))
+        with pytest.raises(InvalidArgument, match="out: must not be in use by another process"):
+            record(source, estimator(), tmp_path / "r")
+    assert Recording(tmp_path / "r").count == 1
+
+
+class NoFrames(Source):
+    """A source that ends before its first frame."""
+
+    def _read(self, start):
+        yield from ()
+
+
+@pytest.mark.parametrize("ending", [".mkv", ".mcap"])
+def test_a_source_without_frames_leaves_no_file(tmp_path, ending):
+    with pytest.raises(InvalidArgument, match="source: must hold frames; got nothing"):
+        record(NoFrames("nothing"), estimator(), tmp_path / f"r{ending}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_without_frames_becomes_no_file(tmp_path, capsys):
+    assert record(NoFrames("nothing"), estimator(), tmp_path / "r")["frames"] == 0
+    assert main(["replay", str(tmp_path / "r"), "--out", str(tmp_path / "f.mkv")]) == 2
+    assert "recording: must hold frames" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["r"]
 
 
 STOPPED = """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import struct
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -14,9 +16,14 @@ import endosdk
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.datasets.dataset import read_disparity
 from endosdk.io.pictures import read_frame
+from endosdk.live.frames import Frame
+from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
 from endosdk.live.viewer import Player, Server
+from endosdk.live.viewer.message import encoded
+from endosdk.live.viewer.player import Shown
 from tests.conftest import ROOT, TINY_MODEL
+from tests.hardening.targets import VIEWS, small_result
 from tests.live.browser import Browser
 from tests.live.videos import side_by_side, views, write
 
@@ -106,6 +113,48 @@ def test_the_player_pauses_steps_restarts_and_records(tmp_path):
     until(lambda: player.ended and player.latest.turn == turn + 6)
     player.close()
     assert [line["number"] for line in Recording(tmp_path / "r").lines][:4] == [2, 3, 4, 5]
+
+
+def test_a_recording_that_ends_while_an_answer_is_added_has_it(tmp_path, monkeypatch):
+    adding, going_on = threading.Event(), threading.Event()
+    add = Recorder.add
+
+    def slow_add(recorder, frame, result):
+        adding.set()
+        going_on.wait(5)
+        add(recorder, frame, result)
+
+    monkeypatch.setattr(Recorder, "add", slow_add)
+    source = endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(PAIRS)))
+    player = Player(DepthEstimator(str(TINY_MODEL), threads=1), source, playing=False)
+    player.record(tmp_path / "r")
+    player.start()
+    player.step()
+    assert adding.wait(20)
+    ending = threading.Thread(target=player.record, args=(None,))
+    ending.start()
+    time.sleep(0.2)
+    going_on.set()
+    ending.join()
+    player.step()
+    until(lambda: player.latest.frame.number == 1)
+    player.close()
+    assert player.error is None
+    assert [line["number"] for line in Recording(tmp_path / "r").lines] == [0]
+    assert not [path for path in (tmp_path / "r").iterdir() if path.is_dir()]  # no part is left
+
+
+def test_the_page_is_sent_the_nearest_step():
+    result = small_result()
+    shown = Shown(Frame(*VIEWS, 0, 0), result, 1, 0.0, 0.0)
+    message = encoded(shown, VIEWS[0], {})
+    (length,) = struct.unpack_from("<I", message)
+    facts = json.loads(message[4 : 4 + length])
+    at = 4 + length + facts["parts"][0]
+    levels = np.frombuffer(message, "<u2", facts["columns"] * facts["rows"], at).reshape(result.depth.shape)
+    known = result.reasons == 0
+    assert np.array_equal(levels > 0, known)
+    assert np.abs(levels * facts["map"]["step"] - result.depth)[known].max() <= 0.0501  # half a step of 0.1 mm
 
 
 @pytest.mark.slow

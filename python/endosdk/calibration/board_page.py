@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,20 +21,28 @@ CELL = 90, 66
 DEGREES = 180 / math.pi
 
 
-def board_page(result: BoardCalibration, left_out: Mapping[str, str], nearest_mm: Mapping[str, float | None]) -> str:
-    """Return the page; ``left_out`` are views without corners, ``nearest_mm`` the nearest depth of each model."""
+class LeftOut(NamedTuple):
+    """A view that is not used, or several for the same reason."""
+
+    name: str
+    reason: str
+    views: int = 1
+
+
+def board_page(result: BoardCalibration, left_out: Sequence[LeftOut], nearest_mm: Mapping[str, float | None]) -> str:
+    """Return the page; ``left_out`` are the views not used, ``nearest_mm`` the nearest depth of each model."""
     c = result.calibration
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8><title>Stereo calibration</title>",
         f"<style>{STYLE}</style><h1>Stereo calibration</h1>",
         f"<p>{c.width} x {c.height} px, {c.model} model, baseline {c.baseline_mm:.3f} mm, "
-        f"{len(result.views)} views used, {len(result.refused) + len(left_out)} left out.</p>",
+        f"{len(result.views)} views used, {sum(one.views for one in left_out)} left out.</p>",
         "<h2>Errors</h2>",
         f"<p>Corners are reproduced to {result.reprojection_px:.3f} px (root mean square). After rectification, rows "
         f"of matching corners differ by {result.row_median_px:.3f} px (median) and {result.row_p95_px:.3f} px (95th "
         "percentile).</p>",
         _bars(result),
-        _left_out({**left_out, **result.refused}),
+        _left_out(left_out),
         "<h2>Coverage</h2><p>Corners in each part of the left picture. Depth is least certain where none are.</p>",
         _coverage(result),
         _depths(result),
@@ -62,10 +71,10 @@ def _bars(result: BoardCalibration) -> str:
     return "".join(lines) + "</svg>"
 
 
-def _left_out(reasons: Mapping[str, str]) -> str:
-    if not reasons:
+def _left_out(views: Sequence[LeftOut]) -> str:
+    if not views:
         return "<p>No view was left out.</p>"
-    rows = "".join(f"<tr><td>{html.escape(name)}<td>{html.escape(why)}" for name, why in reasons.items())
+    rows = "".join(f"<tr><td>{html.escape(one.name)}<td>{html.escape(one.reason)}" for one in views)
     return f"<h2>Left out</h2><table><tr><th>view<th>reason{rows}</table>"
 
 

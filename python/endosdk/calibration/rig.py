@@ -117,7 +117,7 @@ class StereoCalibration:
         """Build from what files state; errors name the file."""
         try:
             calibration = cls(**stated.fields)
-        except InvalidCalibration as error:
+        except (InvalidArgument, InvalidCalibration) as error:  # the first: a width or a height
             raise InvalidCalibration(f"{stated.source}: {error.argument}", error.rule, error.value) from error
         if stated.size_given:
             for side, matrix in (("left", calibration.left_matrix), ("right", calibration.right_matrix)):

@@ -20,8 +20,6 @@ CameraModel = Literal["pinhole", "fisheye"]
 ORTHONORMAL_TOLERANCE = 1e-4
 # What the rectifier implements: Brown-Conrady with tangential terms, the rational form, and the fisheye polynomial.
 COEFFICIENTS = {"pinhole": (0, 4, 5, 8), "fisheye": (0, 4)}
-# No stereo endoscope and no bench rig used to test one lies outside; a metre taken for a millimetre does.
-PLAUSIBLE_BASELINE_MM = (0.5, 500.0)
 
 
 def number(name: str, value: Any) -> float:
@@ -45,6 +43,7 @@ def finite_array(name: str, value: Any, shape: tuple[int, ...] | None = None) ->
         raise InvalidCalibration(name, f"must have shape {list(shape)}", list(array.shape))
     if not np.isfinite(array).all():
         raise InvalidCalibration(name, "must be finite", array.tolist())
+    array += 0.0  # makes -0.0 to 0.0: equal rigs have one hash
     array.flags.writeable = False
     return array
 
@@ -142,7 +141,7 @@ def check_translation(name: str, value: Any) -> Matrix:
 
 def check_plausible_baseline(baseline_mm: float, source: str, unit: str) -> None:
     """Refuse a baseline that only a mistaken unit explains."""
-    low, high = PLAUSIBLE_BASELINE_MM
+    low, high = _core.plausible_baseline_mm
     if not low <= baseline_mm <= high:
         rule = f"{source} read in {unit} must give {low:g} to {high:g} mm; pass units= if it is in mm, cm or m"
         raise InvalidCalibration("baseline", rule, f"{baseline_mm:.6g} mm")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from endosdk.errors import EndoError, InvalidArgument
 
 if TYPE_CHECKING:
     from endosdk.calibration.board import BoardCalibration
+    from endosdk.calibration.board_page import LeftOut
     from endosdk.calibration.boards import Board, BoardView
     from endosdk.calibration.view_collector import ViewCollector
 
@@ -60,9 +62,10 @@ def named_board(args: argparse.Namespace) -> Board:
     return Board(parse_size(args.pattern, "pattern", PATTERN_RULE), args.square_mm, args.charuco, args.dictionary)
 
 
-def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardCalibration, dict[str, str]]:
-    """Return the calibration, and why views were left out."""
+def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardCalibration, list[LeftOut]]:
+    """Return the calibration, and the views that were left out."""
     from endosdk.calibration.board import calibrate_views
+    from endosdk.calibration.board_page import LeftOut
     from endosdk.live.sources.words import two_folders
 
     board = named_board(args)
@@ -72,55 +75,60 @@ def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardC
     views, size, left_out = _from_folders(folders, board) if folders else _from_source(args, board)
     _say_left_out(left_out)
     result = calibrate_views(views, size)
-    _say_left_out(result.refused)
-    report.record["skipped"] = {**left_out, **result.refused}
+    refused = [LeftOut(name, reason) for name, reason in result.refused.items()]
+    _say_left_out(refused)
+    left_out += refused
+    report.record["skipped"] = [one._asdict() for one in left_out]
     return result, left_out
 
 
-def _say_left_out(reasons: dict[str, str]) -> None:
-    for name, cause in reasons.items():
-        print(f"left out    {name}: {cause}", file=sys.stderr)
+def _say_left_out(views: list[LeftOut]) -> None:
+    for one in views:
+        print(f"left out    {one.name}: {one.reason}", file=sys.stderr)
 
 
-def _from_folders(folders: tuple[Path, Path], board: Board) -> tuple[list[BoardView], tuple[int, int], dict[str, str]]:
+def _from_folders(folders: tuple[Path, Path], board: Board) -> tuple[list[BoardView], tuple[int, int], list[LeftOut]]:
     """Look at every pair of two folders. One that cannot be used is named and left out."""
+    from endosdk.calibration.board_page import LeftOut
     from endosdk.calibration.boards import find_view
     from endosdk.io.picture_pairs import pair_pictures
     from endosdk.io.pictures import read_frame
     from endosdk.io.progress import progress
 
     views: list[BoardView] = []
-    left_out: dict[str, str] = {}
+    left_out: list[LeftOut] = []
     size: tuple[int, int] | None = None
     for paths in progress(pair_pictures(*folders)):
         name = f"{paths[0].name}, {paths[1].name}"
         try:
             left, right = (read_frame(path) for path in paths)
         except InvalidArgument as error:
-            left_out[name] = str(error)
+            left_out.append(LeftOut(name, str(error)))
             continue
         sizes = [(picture.shape[1], picture.shape[0]) for picture in (left, right)]
         size = size or sizes[0]
         if any(one != size for one in sizes):
-            left_out[name] = f"the sizes are {sizes[0]} and {sizes[1]}; the first image has {size}"
+            reason = f"the sizes are {sizes[0]} and {sizes[1]}; the first image has {size}"
+            left_out.append(LeftOut(name, reason))
             continue
         view = find_view(board, name, left, right)
         if isinstance(view, str):
-            left_out[name] = view
+            left_out.append(LeftOut(name, view))
         else:
             views.append(view)
     return views, size or (0, 0), left_out
 
 
-def _from_source(args: argparse.Namespace, board: Board) -> tuple[list[BoardView], tuple[int, int], dict[str, str]]:
+def _from_source(args: argparse.Namespace, board: Board) -> tuple[list[BoardView], tuple[int, int], list[LeftOut]]:
     """Take views from a video or a camera until they suffice, and say meanwhile what to show next.
 
     Ctrl-C ends it with the views taken so far.
     """
+    from endosdk.calibration.board_page import LeftOut
     from endosdk.calibration.view_collector import ViewCollector
 
     collector: ViewCollector | None = None
-    causes: dict[str, int] = {}
+    causes: Counter[str] = Counter()
     guide = Guide()
     with opened_source(args, args.source[0]) as source:
         try:
@@ -129,8 +137,7 @@ def _from_source(args: argparse.Namespace, board: Board) -> tuple[list[BoardView
                     collector = ViewCollector(board, (frame.left.shape[1], frame.left.shape[0]), args.views)
                 offer = collector.offer(f"frame {frame.number}", frame.left, frame.right)
                 if not offer.taken:
-                    cause = offer.reason.split(":")[0]
-                    causes[cause] = causes.get(cause, 0) + 1
+                    causes[offer.reason.split(":")[0]] += 1
                 guide.show(collector, offer.reason)
                 if collector.done:
                     break
@@ -146,7 +153,8 @@ def _from_source(args: argparse.Namespace, board: Board) -> tuple[list[BoardView
         raise InvalidArgument("source", "must hold frames", args.source[0])
     if advice := collector.advice():
         print(f"advice      {advice}", file=sys.stderr)
-    return collector.views, collector.size, {f"{count} frames": cause for cause, count in causes.items()}
+    left_out = [LeftOut(f"{count} frames", cause, count) for cause, count in causes.items()]
+    return collector.views, collector.size, left_out
 
 
 class Guide:

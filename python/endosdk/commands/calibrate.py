@@ -153,7 +153,7 @@ def _board(args: argparse.Namespace, report: Report) -> StereoCalibration:
     median, p95 = result.row_median_px, result.row_p95_px
     report.record |= {"pairs_used": len(result.views), "reprojection_px": result.reprojection_px}
     report.record["vertical_disparity_px"] = {"median": median, "p95": p95}
-    report.line(f"pairs       {len(result.views)} used, {len(result.refused) + len(left_out)} left out")
+    report.line(f"pairs       {len(result.views)} used, {sum(one.views for one in left_out)} left out")
     report.line(f"reprojected {result.reprojection_px:.3f} px (root mean square)")
     report.line(f"rows        vertical disparity {median:.3f} px (median), {p95:.3f} px (95th percentile)")
     if result.errors is not None:

@@ -28,10 +28,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files."""
     from endosdk.errors import InvalidArgument
+    from endosdk.io.bounded_read import is_there
     from endosdk.live.recording.record import FILES, export
     from endosdk.live.recording.recording import Recording
 
-    if args.out.exists():
+    if is_there(args.out):
         raise InvalidArgument("out", "must not exist yet", args.out)
     recording = Recording(args.recording)
     if args.out.suffix.lower() in FILES:

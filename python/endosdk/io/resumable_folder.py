@@ -21,8 +21,9 @@ def claim_folder(
 ) -> dict[str, Any]:
     """Write ``fresh`` as the ``record`` of a new folder, or return the record of one that was begun and still ``fits``.
 
-    What killed processes left is removed. Raises InvalidArgument, with the ``rule``, where a folder that was begun does
-    not fit, or holds anything else; StorageFailed where it cannot be written.
+    What killed processes left is removed, and not what another is at work on. Raises InvalidArgument, with the
+    ``rule``, where a folder that was begun does not fit, or holds anything else; StorageFailed where it cannot be
+    written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

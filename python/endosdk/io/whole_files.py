@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from endosdk.errors import StorageFailed
+from endosdk.io.bounded_read import is_there
+from endosdk.io.locks import held, is_held
 
 PARTIAL = ".partial-"
 
@@ -23,7 +25,7 @@ def whole_file(path: Path, argument: str = "path") -> Iterator[BinaryIO]:
     A reader never meets half a file, and an error leaves the old one as it was. Raises `StorageFailed`, which names
     the caller's ``argument``. It also refuses a ``path`` that is no regular file: a device must not be replaced.
     """
-    if path.exists() and not path.is_file():
+    if is_there(path) and not path.is_file():
         raise StorageFailed(argument, "must be a regular file or not exist", path)
     partial: Path | None = None
     try:
@@ -63,19 +65,20 @@ def write_json(path: Path, content: Any, argument: str = "path") -> None:
 def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
     """Yield a new folder in ``staging``, on the same disk, that becomes ``final`` once its files have reached the disk.
 
-    A folder that is there already is replaced. Raises `StorageFailed`.
+    A folder that is there already is replaced. `remove_partials` leaves it alone. Raises `StorageFailed`.
     """
     partial = staging / f"{PARTIAL}{final.parent.name}-{final.name}-{os.getpid()}"
     try:
         partial.mkdir(parents=True, exist_ok=True)
-        yield partial
-        for path in partial.iterdir():
-            _flush(path)
-        _flush_folder(partial)
-        final.parent.mkdir(exist_ok=True)
-        if final.exists():
-            shutil.rmtree(final)
-        partial.rename(final)
+        with held(partial):
+            yield partial
+            for path in partial.iterdir():
+                _flush(path)
+            _flush_folder(partial)
+            final.parent.mkdir(exist_ok=True)
+            if final.exists():
+                shutil.rmtree(final)
+            partial.rename(final)
         _flush_folder(final.parent)
     except OSError as error:
         raise StorageFailed("out", "must be writable", f"{final}: {error}") from error
@@ -90,27 +93,29 @@ def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
     Raises `StorageFailed`, which names the caller's ``argument``; also for a device or a pipe, which must not be
     replaced.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    if is_there(path) and not (path.is_file() or path.is_dir()):
         raise StorageFailed(argument, "must be a regular file, a folder or not exist", path)
     partial = path.with_name(f"{PARTIAL}{path.name}")
     try:
         _remove(partial)
-        yield partial
-        for written in partial.iterdir() if partial.is_dir() else (partial,):
-            _flush(written)
-        partial.rename(path)
-        _flush_folder(path.parent)
+        try:
+            yield partial
+            for written in partial.iterdir() if partial.is_dir() else (partial,):
+                _flush(written)
+            partial.rename(path)
+            _flush_folder(path.parent)
+        finally:
+            _remove(partial)
     except OSError as error:
         raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror or error})") from error
-    finally:
-        _remove(partial)
 
 
 def remove_partials(folder: Path) -> None:
-    """Remove what killed processes left in ``folder``. Raises `StorageFailed`."""
+    """Remove what killed processes left in ``folder``, and nothing that is in work. Raises `StorageFailed`."""
     try:
         for left_over in folder.glob(f"{PARTIAL}*"):
-            _remove(left_over)
+            if not is_held(left_over):
+                _remove(left_over)
     except OSError as error:
         raise StorageFailed("out", "what killed processes left must be removable", f"{folder}: {error}") from error
 

@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 
 from endosdk.calibration.files.native import NumbersInLines
+from endosdk.calibration.files.ros import distortion_of
 from endosdk.errors import InvalidArgument
 from endosdk.io.whole_files import write_text
 
@@ -99,14 +100,9 @@ def _kalibr_camera(calibration: StereoCalibration, matrix: Any, distortion: Any)
 def _ros(calibration: StereoCalibration, side: str) -> dict[str, Any]:
     c, g = calibration, calibration.rectification()
     left = side == "left"
-    distortion = _row(c.left_distortion if left else c.right_distortion)[0]
+    model, distortion = distortion_of(c.model, c.left_distortion if left else c.right_distortion)
     projection = (g.P1 if left else g.P2).copy()
     projection[:, 3] *= METRES
-    if c.model == "fisheye":
-        model = "equidistant"
-    else:
-        model = "plumb_bob" if distortion.size <= 5 else "rational_polynomial"
-        distortion = np.pad(distortion, (0, max(0, 5 - distortion.size)))
     return {
         "image_width": c.width,
         "image_height": c.height,

@@ -49,7 +49,7 @@ def read(paths: tuple[Path, ...], *, size: tuple[int, int] | None = None, units:
         raise InvalidArgument("units", "must be left out: an endosdk file is in mm", repr(units))
     path = paths[0]
     content = _parse(path)
-    fields = _fields(path, content)
+    fields = fields_of(path, content)
     stated = (fields["width"], fields["height"])
     if size is not None and check_size("size", size) != stated:
         raise CalibrationSizeMismatch("size", f"must agree with {path.name}, which says {stated}", size)
@@ -89,7 +89,11 @@ def _numbers(value: Any) -> Any:
         return value
 
 
-def _fields(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+def fields_of(path: Path, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of `StereoCalibration` that its ``content()`` in a file holds, before they are checked.
+
+    Raises `CalibrationUnreadable`, which names the file, where one is missing.
+    """
     cameras = [required(path, content, side) for side in ("left", "right")]
     if not all(isinstance(camera, dict) for camera in cameras):
         raise CalibrationUnreadable(path.name, "left and right must hold matrix and distortion", "something else")

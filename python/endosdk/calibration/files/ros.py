@@ -40,6 +40,17 @@ class _Camera:
     projection: Matrix
 
 
+def distortion_of(model: CameraModel, coefficients: Matrix) -> tuple[str, Matrix]:
+    """Return the distortion model that camera_info names, and as many coefficients as ROS wants of it."""
+    if model == "fisheye":
+        name, count = "equidistant", 4
+    elif coefficients.size <= 5:
+        name, count = "plumb_bob", 5
+    else:
+        name, count = "rational_polynomial", 8
+    return name, np.pad(coefficients, (0, count - coefficients.size))
+
+
 def looks_like(keys: Iterable[str]) -> bool:
     """Whether the names are those of a camera_info file or message."""
     present = set(keys)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from endosdk.calibration.files.ros import distortion_of
 from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.recording.recording import Recording
@@ -99,10 +100,9 @@ class MessageMaker:
         left = frame_id == LEFT
         projection = (geometry.P1 if left else geometry.P2).copy()
         projection[:, 3] /= 1000
-        distortion = rig.left_distortion if left else rig.right_distortion
-        models = {"fisheye": "equidistant", "pinhole": "rational_polynomial" if len(distortion) == 8 else "plumb_bob"}
+        model, distortion = distortion_of(rig.model, rig.left_distortion if left else rig.right_distortion)
         values = {
-            "d": distortion if distortion.size else np.zeros(5),
+            "d": distortion,
             "k": (rig.left_matrix if left else rig.right_matrix).reshape(-1),
             "r": (geometry.R1 if left else geometry.R2).reshape(-1),
             "p": projection.reshape(-1),
@@ -111,7 +111,7 @@ class MessageMaker:
             header=self.header(at, frame_id),
             height=rig.height,
             width=rig.width,
-            distortion_model=models[rig.model],
+            distortion_model=model,
             binning_x=0,
             binning_y=0,
             roi=self._region(0, 0, 0, 0),

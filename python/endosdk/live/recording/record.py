@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.errors import InvalidArgument
+from endosdk.io.bounded_read import is_there
 from endosdk.io.progress import progress
 from endosdk.io.whole_files import whole_path
 from endosdk.live.answers import answers
@@ -41,20 +42,23 @@ def record(
     if most is not None and most < 1:
         raise InvalidArgument("frames", "must be at least 1", most)
     is_file = out.suffix.lower() in FILES
-    if is_file and out.exists():
+    if is_file and is_there(out):
         raise InvalidArgument("out", "must not exist yet", out)
     folder = _folder_of(out)
-    recorder = Recorder(folder, estimator, source, pictures=pictures, temporal=temporal)
-    if recorder.frames and not recorder.complete and source.live:
-        raise InvalidArgument("out", "must be new: a live source cannot be continued", out)
-    if recorder.complete and not recorder.source_ended and (most is None or most > recorder.frames):
-        raise InvalidArgument("out", f"must be new: it was ended after {recorder.frames} frames", out)
-    if not recorder.complete:
-        _fill(recorder, source, estimator, most, temporal)
-    lines = lines_in(folder)
+    with Recorder(folder, estimator, source, pictures=pictures, temporal=temporal) as recorder:
+        if recorder.frames and not recorder.complete and source.live:
+            raise InvalidArgument("out", "must be new: a live source cannot be continued", out)
+        if recorder.complete and not recorder.source_ended and (most is None or most > recorder.frames):
+            raise InvalidArgument("out", f"must be new: it was ended after {recorder.frames} frames", out)
+        if not recorder.complete:
+            _fill(recorder, source, estimator, most, temporal)
+        lines = lines_in(folder)
+        if is_file and lines:
+            export(Recording(folder), out)
     if is_file:
-        export(Recording(folder), out)
         shutil.rmtree(folder)
+        if not lines:
+            raise InvalidArgument("source", "must hold frames", source.word)
     return {
         "frames": len(lines),
         "status": dict(Counter(line["status"] for line in lines)),
@@ -78,24 +82,25 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
     done = 0
     total = most if source.count is None else min(source.count, most or source.count)
     left = None if total is None else total - recorder.frames
-    try:
-        with progress(total=left, unit="frame") as bar:
-            frames = source.frames(recorder.next_number) if left is None or left > 0 else ()
-            for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
-                recorder.add(frame, result)
-                bar.update()
-                done += 1
-                if done == left:
-                    break
-            ended = left is None or done < left or total == source.count
-    except BaseException:
-        recorder.stop()  # nothing is lost: the same command goes on after it
-        raise
+    with progress(total=left, unit="frame") as bar:
+        frames = source.frames(recorder.next_number) if left is None or left > 0 else ()
+        for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
+            recorder.add(frame, result)
+            bar.update()
+            done += 1
+            if done == left:
+                break
+        ended = left is None or done < left or total == source.count
     recorder.close(source_ended=ended)
 
 
 def export(recording: Recording, out: Path) -> None:
-    """Write a recording as one Matroska file, one MCAP file, a ROS 1 bag (``.bag``) or a ROS 2 bag (a folder)."""
+    """Write a recording as one Matroska file, one MCAP file, a ROS 1 bag (``.bag``) or a ROS 2 bag (a folder).
+
+    Raises InvalidArgument where it has no frames, StorageFailed.
+    """
+    if not recording.count:
+        raise InvalidArgument("recording", "must hold frames", recording.word)
     with whole_path(out, "out") as partial:
         if out.suffix.lower() == ".mkv":
             _write_matroska(recording, partial)

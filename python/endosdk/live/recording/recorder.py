@@ -9,17 +9,18 @@ import json
 import shutil
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json
+from endosdk.io.locks import locked_folder
 from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import whole_folder, write_text
 from endosdk.live.frames import Frame
-from endosdk.live.recording.sixteen_bits import STEPS, described, shares_of, to_levels
+from endosdk.live.recording.sixteen_bits import STEPS, described, quantity_of, shares_of, to_levels
 from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
 from endosdk.live.recording.video_files import VideoWriter, join
 from endosdk.live.sources.source import DEFAULT_RATE, Source
@@ -34,7 +35,8 @@ class Recorder:
     """Takes answers one after the other. ``out`` is the folder; what was begun there with the same settings goes on.
 
     ``pictures`` keeps the frames themselves too, lossless, so that `Recording` gives them back. ``next_number`` is the
-    number of the first frame that is missing. Raises InvalidArgument where ``out`` holds something else, StorageFailed.
+    number of the first frame that is missing. The folder is held until `stop`, which ends a ``with`` block.
+    Raises InvalidArgument where ``out`` holds something else or is in use by another recorder, StorageFailed.
     """
 
     def __init__(
@@ -47,13 +49,25 @@ class Recorder:
         self._part = ExitStack()
         self._writers: dict[str, VideoWriter] = {}
         self._lines: list[str] = []
-        self._record = _claimed(out, self._settings)
-        if not self.complete:
-            (out / PARTS).mkdir(exist_ok=True)
-        done = lines_in(out)
-        self.next_number = done[-1]["number"] + 1 if done else 0
-        self._count = 0 if self.complete else len(list((out / PARTS).iterdir()))
-        self.frames = len(done)
+        self._ended = False
+        with ExitStack() as hold:
+            hold.enter_context(locked_folder(out, "out"))
+            self._record = _claimed(out, self._settings)
+            if not self.complete:
+                (out / PARTS).mkdir(exist_ok=True)
+            done = lines_in(out)
+            self.next_number = done[-1]["number"] + 1 if done else 0
+            self._count = 0 if self.complete else len(list((out / PARTS).iterdir()))
+            self.frames = len(done)
+            self._hold = hold.pop_all()
+
+    def __enter__(self) -> Self:
+        """Return the recorder itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop: nothing is lost where an error ends the block."""
+        self.stop()
 
     @property
     def complete(self) -> bool:
@@ -61,7 +75,9 @@ class Recorder:
         return bool(self._record["complete"])
 
     def add(self, frame: Frame, result: DepthResult) -> None:
-        """Append one answer. Raises StorageFailed; the parts before it stay."""
+        """Append one answer. Raises InvalidArgument after the end, StorageFailed; the parts before it stay."""
+        if self._ended or self.complete:
+            raise InvalidArgument("recorder", "must not have ended", self.out)
         try:
             if not self._writers:
                 self._begin_part(frame, result)
@@ -79,20 +95,23 @@ class Recorder:
 
     def close(self, *, source_ended: bool = True) -> None:
         """Finish the part in work and join all parts into one file of each kind."""
+        self._ended = True
         self._record["source_ended"] = source_ended
         self._end_part()
         if not self.complete and self.frames:
             self._join()
 
     def stop(self) -> None:
-        """Finish the part in work; the recording can be continued."""
-        self._end_part()
+        """Finish the part in work and let go of the folder; another recorder can go on with what is not closed."""
+        self._ended = True
+        with self._hold:
+            self._end_part()
 
     def _begin_part(self, frame: Frame, result: DepthResult) -> None:
         if self._record["begun_ns"] is None:
-            known = result.disparity if result.depth_map is None else result.depth_map
+            _, _, values = quantity_of(result)
             self._record["begun_ns"] = frame.stamp_ns
-            self._record["preview_range"] = robust_range(np.where(result.reasons == 0, known, np.nan))
+            self._record["preview_range"] = robust_range(np.where(result.reasons == 0, values, np.nan))
             self._save()
         self._part = ExitStack()
         folder = self._part.enter_context(whole_folder(self.out / PARTS / f"{self._count:06d}", self.out))
@@ -105,7 +124,8 @@ class Recorder:
         stamp = frame.stamp_ns - self._record["begun_ns"]
         left, _ = self._estimator.rectify(frame.left, frame.right)
         low, high = self._record["preview_range"]
-        self._writers["depth"].add(to_levels(result), stamp)
+        name, _, values = quantity_of(result)
+        self._writers["depth"].add(to_levels(values, result.reasons, STEPS[name]), stamp)
         self._writers["preview"].add(preview(left, result, low, high), stamp)
         if self._pictures:
             self._writers["pair"].add(np.hstack([frame.left, frame.right]), stamp)

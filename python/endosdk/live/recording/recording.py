@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from endosdk.calibration.files.native import fields_of
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.io.bounded_read import Refused
@@ -56,8 +57,8 @@ class Recording(Source):
         """The rig that the depth was computed with; None where there was none."""
         content = self.settings["calibration"]
         try:
-            return None if content is None else _rig(content)
-        except (KeyError, TypeError, ValueError) as error:
+            return None if content is None else StereoCalibration(**fields_of(self._path, content))
+        except (TypeError, ValueError) as error:
             raise SourceFailed(
                 "source", "must hold the rig that it was made with", f"{self.word}: {error!r}"
             ) from error
@@ -129,18 +130,3 @@ def files_of(path: Path, kind: str) -> list[Path]:
     if (path / PARTS).is_dir():
         return [part / f"{kind}.mkv" for part in sorted((path / PARTS).iterdir())]
     return [path / ("preview.mp4" if kind == "preview" else f"{kind}.mkv")]
-
-
-def _rig(content: dict[str, Any]) -> StereoCalibration:
-    left, right = content["left"], content["right"]
-    return StereoCalibration(
-        content["width"],
-        content["height"],
-        np.array(left["matrix"]),
-        np.array(right["matrix"]),
-        np.array(left["distortion"]),
-        np.array(right["distortion"]),
-        np.array(content["rotation"]),
-        np.array(content["translation"]),
-        content["model"],
-    )

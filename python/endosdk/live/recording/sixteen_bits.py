@@ -14,17 +14,15 @@ TOO_LARGE = 65535  # a value that does not fit
 STEPS = {"depth": 0.1, "disparity": 1 / 64}  # mm, px
 
 
-def quantity_of(result: DepthResult) -> str:
-    """Return what is kept of a result: depth where there is a rig, else disparity."""
-    return "disparity" if result.depth_map is None else "depth"
+def quantity_of(result: DepthResult) -> tuple[str, str, npt.NDArray[np.float32]]:
+    """Return name, unit and map of what is kept of a result: depth where there is a rig, else disparity."""
+    return ("disparity", "px", result.disparity) if result.depth_map is None else ("depth", "mm", result.depth_map)
 
 
-def to_levels(result: DepthResult) -> npt.NDArray[np.uint16]:
-    """Return the map as uint16 [H, W], in `STEPS`."""
-    name = quantity_of(result)
-    values = result.disparity if result.depth_map is None else result.depth_map
-    levels = np.clip(np.rint(np.nan_to_num(values, posinf=1e9) / STEPS[name]), 1, TOO_LARGE)
-    return np.where(result.reasons == 0, levels, NONE).astype(np.uint16)
+def to_levels(values: npt.NDArray[np.float32], reasons: npt.NDArray[np.uint8], step: float) -> npt.NDArray[np.uint16]:
+    """Return a map as uint16 [H, W], in steps of ``step``; 0 where there is a reason against a value."""
+    levels = np.clip(np.rint(np.nan_to_num(values, posinf=1e9) / step), 1, TOO_LARGE)
+    return np.where(reasons == 0, levels, NONE).astype(np.uint16)
 
 
 def from_levels(levels: npt.NDArray[np.uint16], step: float) -> npt.NDArray[np.float32]:
@@ -35,10 +33,8 @@ def from_levels(levels: npt.NDArray[np.uint16], step: float) -> npt.NDArray[np.f
 
 def described(result: DepthResult) -> dict[str, Any]:
     """Return what a line says of the map: its median where there is a value."""
-    name = quantity_of(result)
-    values = result.disparity if result.depth_map is None else result.depth_map
+    name, unit, values = quantity_of(result)
     known = values[result.reasons == 0]
-    unit = "mm" if name == "depth" else "px"
     return {f"median_{name}_{unit}": round(float(np.median(known)), 3) if known.size else None}
 
 

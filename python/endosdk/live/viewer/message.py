@@ -15,7 +15,7 @@ import numpy as np
 
 from endosdk import _core
 from endosdk.live.frames import Picture
-from endosdk.live.recording.sixteen_bits import shares_of
+from endosdk.live.recording.sixteen_bits import STEPS, quantity_of, shares_of, to_levels
 from endosdk.live.viewer.player import Shown
 from endosdk.runtime.overview import robust_range
 from endosdk.runtime.result import Cause, DepthResult
@@ -25,26 +25,20 @@ WIDEST_PICTURE = 960
 JPEG_QUALITY = 85
 
 
-def quantity_of(result: DepthResult) -> tuple[str, str, float]:
-    """Return name and unit of the map that is shown, and how much one step of its uint16 is."""
-    return ("depth", "mm", 0.1) if result.depth_map is not None else ("disparity", "px", 1 / 64)
-
-
 def encoded(shown: Shown, left: Picture, state: dict[str, Any]) -> bytes:
     """Return the message for one answer; ``state`` is added to its facts."""
     import cv2
 
     result = shown.result
-    name, unit, step = quantity_of(result)
-    values = result.depth_map if result.depth_map is not None else result.disparity
+    name, unit, values = quantity_of(result)
     thin = -(-values.shape[1] // WIDEST_MAP)
     values, reasons = values[::thin, ::thin], np.ascontiguousarray(result.reasons[::thin, ::thin])
-    known = reasons == 0
-    levels = np.where(known, np.clip(np.nan_to_num(values) / step, 1, 65535), 0).astype("<u2")
+    step = STEPS[name]
+    levels = to_levels(values, reasons, step).astype("<u2")
     smaller = -(-left.shape[1] // WIDEST_PICTURE)
     picture = cv2.cvtColor(np.ascontiguousarray(left[::smaller, ::smaller]), cv2.COLOR_RGB2BGR)
     _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    low, high = robust_range(np.where(known, values, np.nan))
+    low, high = robust_range(np.where(reasons == 0, values, np.nan))
     facts = {
         **described(shown),
         "map": {"name": name, "unit": unit, "step": step, "low": low, "high": high},

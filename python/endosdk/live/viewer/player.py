@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from endosdk.errors import EndoError, InvalidArgument
+from endosdk.io.bounded_read import is_there
 from endosdk.live.answers import answers
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.recording.recorder import Recorder
@@ -56,9 +57,10 @@ class Player:
         self._begun = False
         self._closed = False
         self._restart = False
-        self._recorder: Recorder | None = None
         self._drawn: dict[int, float] = {}  # when a frame in work was drawn
         self._done: deque[float] = deque(maxlen=RATE_WINDOW)
+        self._adding = threading.Lock()  # guards the recorder: none is taken away while it adds an answer
+        self._recorder: Recorder | None = None
         self._thread = threading.Thread(target=self._play, name="endosdk-player", daemon=True)
 
     def start(self) -> None:
@@ -103,13 +105,14 @@ class Player:
         """Record every answer from now on into a new folder; None ends it. Raises what `Recorder` raises."""
         recorder = None
         if out is not None:
-            if out.exists():
+            if is_there(out):
                 raise InvalidArgument("out", "must not exist yet", out)
             recorder = Recorder(out, self.estimator, self.source, temporal=self._temporal)
-        with self._change:
+        with self._adding:
             self._recorder, before = recorder, self._recorder
         if before is not None:
-            before.close()
+            with before:
+                before.close()
 
     def close(self) -> None:
         """End the thread, the recording and the source."""
@@ -154,10 +157,9 @@ class Player:
         self.latest = Shown(frame, result, turn, delay, rate)
         for listener in self.listeners:
             listener(self.latest)
-        with self._change:
-            recorder = self._recorder
-        if recorder is not None:
-            self._add(recorder, frame, result)
+        with self._adding:
+            if self._recorder is not None:
+                self._add(self._recorder, frame, result)
 
     def _add(self, recorder: Recorder, frame: Frame, result: DepthResult) -> None:
         """Record an answer. A full disk ends the recording, and neither what it holds nor the view."""
@@ -165,8 +167,8 @@ class Player:
             recorder.add(frame, result)
         except EndoError as error:
             self.error = error
-            with self._change:
-                self._recorder = None
+            self._recorder = None
+            recorder.stop()
 
     def _gated(self) -> Iterator[Frame]:
         """Yield the frames of the source when it is their time."""
