@@ -251,7 +251,13 @@ void bind_identity(py::module_& m) {
       .def_readonly("runtime", &Identity::runtime)
       .def_readonly("runtime_sha256", &Identity::runtime_sha256)
       .def_readonly("provider", &Identity::provider)
-      .def_readonly("device", &Identity::device);
+      .def_readonly("device", &Identity::device)
+      .def(py::pickle(
+          [](const Identity& i) {
+            return std::array{i.endosdk, i.model,          i.model_version, i.model_sha256, i.calibration_sha256,
+                              i.runtime, i.runtime_sha256, i.provider,      i.device};
+          },
+          [](const std::array<std::string, 9>& s) { return Identity{s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]}; }));
 }
 
 void bind_report(py::module_& m) {

@@ -171,3 +171,13 @@ def test_a_pair_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.Captu
     words = ["calibrate", "board", str(left), str(right), "--pattern", "9x6", "--square-mm", "3"]
     assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
     assert "; the first image has (80, 60)" in capsys.readouterr().err
+
+
+def test_a_name_that_cannot_be_written_is_refused_before_the_work(
+    tmp_path: Path, rig_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nowhere = [str(tmp_path / "left"), str(tmp_path / "right")]  # which would be an error, too
+    board = ["calibrate", "board", *nowhere, "--pattern", "9x6", "--square-mm", "2"]
+    for words in (board, ["calibrate", "refine", str(rig_file), nowhere[0]], ["calibrate", "convert", str(rig_file)]):
+        assert main([*words, "--out", str(tmp_path / "rig.txt")]) == 2
+        assert "out: must end in one of .json, .yaml" in capsys.readouterr().err

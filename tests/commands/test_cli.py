@@ -1,3 +1,4 @@
+import json
 import subprocess
 import sys
 
@@ -55,6 +56,23 @@ def test_predict_leaves_every_map(tmp_path, capsys):
     overview = cv2.imread(str(tmp_path / "out" / "overview.png"))
     assert overview.shape[0] > 2 * 96
     assert overview.std() > 20
+
+
+def test_predict_names_the_causes_and_leaves_no_map_of_an_earlier_pair(tmp_path, capsys):
+    left, right = shifted_pair(96, 160, 12)
+    StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96)).save(tmp_path / "rig.json")
+    pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
+    options = ["--model", str(TINY_MODEL), "--out", str(tmp_path / "out")]
+    # As often as this, the same pair would be a frozen one.
+    assert main(["predict", *pair, *options, "--calibration", str(tmp_path / "rig.json"), "--frames", "30"]) == 0
+    assert "status OK" in capsys.readouterr().out and (tmp_path / "out" / "points.ply").exists()
+    assert main(["predict", pair[0], pair[0], *options]) == 1
+    assert "cause      SAME_VIEW_TWICE: one camera is connected to both inputs" in capsys.readouterr().out
+    found = {path.name for path in (tmp_path / "out").iterdir()}
+    assert found == {"overview.png", "disparity.png", "confidence.png", "reasons.png"}
+    main(["predict", pair[0], pair[0], *options, "--json"])
+    assert "SAME_VIEW_TWICE" in json.loads(capsys.readouterr().out)["causes"]
+    assert main(["predict", *pair, *options, "--frames", "-1"]) == 2
 
 
 def test_unrectified_pair_is_called_out(tmp_path, capsys):

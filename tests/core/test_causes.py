@@ -114,9 +114,11 @@ def test_one_view_that_stands_still_is_frozen(estimator):
 
 def test_each_source_has_its_own_count_of_frames_that_stand_still(estimator):
     frames = [shifted_pair(*SIZE, 9, seed=seed) for seed in range(8)]
-    last = None
-    for last in estimator.stream((left, frames[0][1]) for left, _ in frames):
+    results = []
+    for result in estimator.stream((left, frames[0][1]) for left, _ in frames):
+        results.append(result)
         estimator.predict(*frames[-1])
+    last = results[-1]
     assert last.measures[Cause.FROZEN] == 7 and Cause.FROZEN in last.causes
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import logging
 import math
+import pickle
 import time
 from pathlib import Path
 
@@ -97,3 +99,11 @@ def test_stamps_of_another_clock_are_refused():
         DepthEstimator(TINY_MODEL, max_age_ms=1.0).predict(*PAIR)
     with pytest.raises(errors.InvalidArgument, match="max_age_ms"):
         DepthEstimator(TINY_MODEL, max_age_ms=math.inf)
+
+
+def test_a_result_can_be_copied_and_sent_to_another_process() -> None:
+    result = DepthEstimator(TINY_MODEL).predict(*PAIR)
+    sent = pickle.loads(pickle.dumps(result))
+    for name in ("endosdk", "model", "model_sha256", "runtime", "runtime_sha256", "provider", "device"):
+        assert getattr(sent.identity, name) == getattr(result.identity, name)
+    assert (sent.disparity == result.disparity).all() and copy.deepcopy(result).status is result.status

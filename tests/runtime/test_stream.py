@@ -5,6 +5,7 @@ import threading
 import time
 import tracemalloc
 from contextlib import closing, contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -272,3 +273,19 @@ def test_a_temporal_stream_goes_on_after_a_frame_that_failed():
         for _ in estimator.stream(shaking_pairs(40), temporal=True):
             estimator.cancel()
     assert len(list(estimator.stream(shaking_pairs(3), temporal=True))) == 3
+
+
+def test_frames_of_another_size_are_refused_for_what_they_are():
+    left, right = shifted_pair(*SIZE, 9)
+    with pytest.raises(errors.InvalidArgument, match=r"left: must have the size of the stream's first frame, 160x96"):
+        list(DepthEstimator(TINY_MODEL).stream([(left, right), (left[:80], right[:80])]))
+
+
+def test_the_frames_of_a_source_are_rgb_whatever_the_estimator_is_given_else():
+    left, right = (np.ascontiguousarray(view * (1.0, 0.7, 0.3)).astype(np.uint8) for view in shifted_pair(*SIZE, 9))
+    frame = SimpleNamespace(left=left, right=right, monotonic_ns=None)
+    wanted = DepthEstimator(TINY_MODEL).predict(left, right)
+    (found,) = DepthEstimator(TINY_MODEL, channel_order="bgr").stream([frame])
+    np.testing.assert_array_equal(found.disparity, wanted.disparity)
+    swapped = DepthEstimator(TINY_MODEL, channel_order="bgr").predict(left, right)
+    assert not np.array_equal(swapped.disparity, wanted.disparity)

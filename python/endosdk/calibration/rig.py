@@ -218,13 +218,9 @@ class StereoCalibration:
         """
         from endosdk.calibration.files import exports, native
 
-        if not isinstance(path, str | Path):
-            raise InvalidArgument("path", "must be a file name", repr(path))
+        exports.check_name("path", path)
         if exports.layout_of(Path(path)) is not None:
             return exports.write(self, Path(path))
-        if Path(path).suffix.lower() not in native.ENDINGS:
-            endings = ", ".join((*native.ENDINGS, *exports.ENDINGS))
-            raise InvalidArgument("path", f"must end in one of {endings}", str(path))
         native.write(self.content(), self.sha256, Path(path))
         return [Path(path)]
 

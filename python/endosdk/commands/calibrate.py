@@ -63,7 +63,11 @@ def _way(sources: Any, name: str, summary: str) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Run the chosen way; print what was found and where it went."""
+    from endosdk.calibration.files.exports import check_name
+
     report = Report(args)
+    if args.way != "print" and getattr(args, "out", None):
+        check_name("out", args.out)  # before the work, which may be a long one
     if args.way in ("check", "refine"):
         return _watch(args, report)
     if args.way == "print":

@@ -106,7 +106,9 @@ def report_nearest_depths(report: Report, calibration: StereoCalibration) -> Non
         report.line(f"            {name:14} {'not stated' if depth is None else f'{math.ceil(depth):5} mm'}")
 
 
-def add_session(parser: argparse.ArgumentParser, *, threads: int | None = None, all_threads: str = "all cores, at most 8") -> None:
+def add_session(
+    parser: argparse.ArgumentParser, *, threads: int | None = None, all_threads: str = "all cores, at most 8"
+) -> None:
     """Add how a model runs: size, provider, threads."""
     parser.add_argument(
         "--network-size",

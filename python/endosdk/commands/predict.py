@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from endosdk import _core
 from endosdk.commands.options import add_calibration, add_model, add_session, session_options
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
@@ -15,7 +16,7 @@ from endosdk.errors import InvalidArgument
 if TYPE_CHECKING:
     from endosdk.runtime.estimator import DepthEstimator
     from endosdk.runtime.maps import FloatMap
-    from endosdk.runtime.result import DepthResult
+    from endosdk.runtime.result import DepthResult, Timings
 
 VERTICAL_DISPARITY_LIMIT = 1.5  # px; beyond it rows of the two views do not correspond and matching along rows fails
 
@@ -33,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="true disparity of the rectified left view: 16-bit PNG, 256 x px; adds an error panel (default: none)",
     )
-    parser.add_argument("--frames", type=int, default=3, help="number of timed repetitions")
+    parser.add_argument("--frames", type=int, default=3, help="number of timed repetitions, which change no result")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="folder for the results")
 
 
@@ -43,11 +44,13 @@ def run(args: argparse.Namespace) -> int:
     from endosdk.io.pictures import read_frame
     from endosdk.runtime.result_files import write_result
 
+    if args.frames < 0:
+        raise InvalidArgument("frames", "must not be negative", args.frames)
     left, right = read_frame(args.left), read_frame(args.right)
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
     estimator = DepthEstimator(args.model, calibration=rig, **session_options(args))
     result = estimator.predict(left, right)
-    result, totals = _timed(estimator, left, right, result, args.frames)
+    timings, totals = _timed(estimator, left, right, args.frames)
     truth = _read_truth(args.truth, result) if args.truth else None
     views = estimator.rectify(left, right)
     files = write_result(args.out, views[0], result, truth)
@@ -60,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     }
     report.line(f"model      {result.model.name} {result.model.version} on {provider}")
     _report_maps(report, result)
-    _report_speed(report, result, totals)
+    _report_speed(report, timings, totals)
     if truth is not None:
         _report_error(report, result, truth)
     _report_rows(report, *views, calibrated=rig is not None)
@@ -71,31 +74,36 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _timed(
-    estimator: DepthEstimator, left: np.ndarray, right: np.ndarray, result: DepthResult, frames: int
-) -> tuple[DepthResult, list[float]]:
-    """Repeat the prediction; return its last result and the time of each frame, ms."""
+    estimator: DepthEstimator, left: np.ndarray, right: np.ndarray, frames: int
+) -> tuple[Timings | None, list[float]]:
+    """Repeat the prediction; return the stages of its last frame and the time of each frame, ms."""
     from endosdk.io.progress import progress
 
-    totals = []
+    result, totals = None, []
     for _ in progress(range(frames), unit="frame", title="timing", stays=False):
         result = estimator.predict(left, right, out=result)
         totals.append(result.timings.total_ms)
-    return result, totals
+    return None if result is None else result.timings, totals
 
 
 def _report_maps(report: Report, result: DepthResult) -> None:
     valid = result.reasons == 0
     report.record |= {"status": result.status.name, "valid_share": result.valid_share}
+    report.record["causes"] = {cause.name: measure for cause, measure in result.causes.items()}
     report.line(f"valid      {100 * result.valid_share:.1f} % of pixels, status {result.status.name}")
+    for cause in result.causes:
+        fact = _core.cause_facts[cause]
+        report.line(f"cause      {cause.name}: {fact['meaning']}; {fact['remedy']}")
     if not valid.any():
         return
     low, median, high = report.record["disparity_px"] = _percentiles(result.disparity[valid])
-    report.line(f"disparity  {low:.1f} .. {high:.1f} px (median {median:.1f})")
+    report.line(f"disparity  {low:.1f} .. {high:.1f} px in 96 % of the valid pixels (median {median:.1f})")
     if result.depth_map is not None and result.sigma_map is not None:
         low, median, high = report.record["depth_mm"] = _percentiles(result.depth_map[valid])
         sigma = report.record["sigma_mm"] = float(np.median(result.sigma_map[valid]))
         report.line(
-            f"depth      {low:.1f} .. {high:.1f} mm (median {median:.1f}), expected error {sigma:.2f} mm (median)"
+            f"depth      {low:.1f} .. {high:.1f} mm in 96 % of them (median {median:.1f}), "
+            f"expected error {sigma:.2f} mm (median)"
         )
 
 
@@ -104,11 +112,11 @@ def _percentiles(values: FloatMap) -> list[float]:
     return [float(value) for value in np.percentile(values, (2, 50, 98))]
 
 
-def _report_speed(report: Report, result: DepthResult, totals: list[float]) -> None:
-    if not totals:
+def _report_speed(report: Report, timings: Timings | None, totals: list[float]) -> None:
+    if timings is None:
         return
     fps = 1000 / sorted(totals)[len(totals) // 2]
-    stages = {name: getattr(result.timings, f"{name}_ms") for name in ("rectify", "session", "postprocess")}
+    stages = {name: getattr(timings, f"{name}_ms") for name in ("rectify", "session", "postprocess")}
     report.record |= {"fps": fps, "stages_ms": stages}
     parts = ", ".join(f"{name} {value:.1f}" for name, value in stages.items())
     report.line(f"speed      {fps:.2f} FPS ({parts} ms)")

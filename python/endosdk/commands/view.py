@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.epilog = (
-        "This command opens a socket. It listens on 127.0.0.1. Every request needs the token in the printed "
-        "address."
+        "This command opens a socket. It listens on 127.0.0.1. Every request needs the token in the printed address."
     )
     add_source(parser)
     add_estimator(parser)

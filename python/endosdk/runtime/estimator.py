@@ -15,11 +15,11 @@ from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
 from endosdk.errors import CalibrationRequired, InvalidArgument, typed_memory_errors
 from endosdk.runtime.arguments import (
     Picture,
+    check_frame_size,
     check_number,
     check_order,
     check_pair,
     check_range,
-    check_frame_size,
     check_size,
     check_stamp,
     check_switch,
@@ -121,6 +121,7 @@ class DepthEstimator:
             runtime_sha256=runtime_sha256,
         )
         self._info = session.info
+        self._channel_order = channel_order
         self._path = _core.FramePath(session, settings)
         self._calibration = calibration
         self._geometry = None
@@ -208,7 +209,8 @@ class DepthEstimator:
         """Estimate depth for every (left, right) of ``source``, in order and with the answers of `predict`.
 
         Each frame is computed on one thread, and as many frames at a time as the estimator has threads. This gives the
-        highest frame rate. The latency is one frame's time on one thread. Another thread reads ``source``. All frames must have the size of the first.
+        highest frame rate. The latency is one frame's time on one thread. Another thread reads ``source``.
+        All frames must have the size of the first.
 
         Args:
             source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
@@ -216,8 +218,8 @@ class DepthEstimator:
                 source of `open_source` is taken as it is; each result then has its frame as ``source_frame``.
             reuse: write all results into a fixed ring of maps, so that no memory is allocated per frame; each result is
                 then good until the next one is drawn.
-            temporal: filter against flicker. It moves the disparity of the frame before with the surfaces, and blends it
-                with the new one where both images agree; see ``docs/live.md``.
+            temporal: filter against flicker. It moves the disparity of the frame before with the surfaces, and blends
+                it with the new one where both images agree; see ``docs/live.md``.
             follow_rig: correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for
                 certain that the right camera has turned against the calibration. The log ``endosdk`` says so, and
                 each result's ``rig.corrected_deg`` says by how much. Needs a calibration. Answers then depend on the
@@ -260,7 +262,7 @@ class DepthEstimator:
                 stream.follow_rig()
             return stream
 
-        for report, maps, frame in Feeder(pairs, opened, maps_for).answers():
+        for report, maps, frame in Feeder(pairs, opened, maps_for, self._channel_order).answers():
             yield self._result(report, maps, frame)
 
     @typed_memory_errors()

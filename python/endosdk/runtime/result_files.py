@@ -14,6 +14,9 @@ from endosdk.io.whole_files import whole_file
 from endosdk.runtime.overview import colour_map, overview, robust_range
 from endosdk.runtime.result import DepthResult
 
+# What a result without a rig has not.
+METRIC_FILES = ("depth.png", "depth.npy", "depth_preview.png", "points.ply")
+
 DEPTH_STEPS_PER_MM = 10  # of depth.png: up to 6.5 m in steps far below any error
 
 
@@ -28,6 +31,7 @@ def write_result(
     ``overview.png`` shows the maps, ``depth_preview.png`` the depth in colours, since ``depth.png`` looks black to most
     viewers; ``points.ply`` holds the depth as coloured points. ``left`` is the rectified left
     view, RGB uint8 [H, W, 3] like the maps. With ``truth``, the true disparity, the picture shows the error too.
+    Files of an earlier result go, so that a folder never holds maps of two.
     """
     written = write_maps(folder, result)
     written["overview.png"] = Path(folder) / "overview.png"
@@ -37,6 +41,9 @@ def write_result(
         write_picture(written["depth_preview.png"], colour_map(result.depth_map, *robust_range(result.depth_map)))
         written["points.ply"] = Path(folder) / "points.ply"
         write_ply(written["points.ply"], result.points(), left)
+    for name in METRIC_FILES:
+        if name not in written:
+            (Path(folder) / name).unlink(missing_ok=True)
     return written
 
 

@@ -23,11 +23,11 @@ _END = object()
 
 @runtime_checkable
 class StereoFrame(Protocol):
-    """A pair as `open_source` yields it."""
+    """A pair as `open_source` yields it: RGB or gray, whatever order of channels the estimator has."""
 
     @property
     def left(self) -> Any:
-        """The left view, as `predict` takes it."""
+        """The left view."""
 
     @property
     def right(self) -> Any:
@@ -55,10 +55,13 @@ class Feeder:
         pairs: Iterator[Any],
         open_stream: Callable[[int, int], _core.Stream],
         maps_for: Callable[[int, _core.Stream, tuple[int, int]], Maps],
+        channel_order: str,
     ) -> None:
         self._pairs = pairs
         self._open_stream = open_stream
         self._maps_for = maps_for
+        self._channel_order = channel_order
+        self._size = (0, 0)  # of the first pair
         self._stream: _core.Stream | None = None
         self._started = threading.Event()  # the stream is open, or never will be
         self._error: BaseException | None = None  # of the source, raised after the answers before it
@@ -119,7 +122,7 @@ class Feeder:
             item = next(self._pairs, _END)
         finally:
             self._drawing = False
-        return None if item is _END or self._over else _checked(item)
+        return None if item is _END or self._over else _checked(item, self._channel_order)
 
     @typed_memory_errors()
     def _submit(self, number: int, drawn: Drawn) -> None:
@@ -127,16 +130,21 @@ class Feeder:
         height, width = left.shape[:2]
         if self._stream is None:
             self._stream = self._open_stream(width, height)
+            self._size = (width, height)
             self._started.set()
         self._frames.append(frame)
-        self._stream.submit(left, right, self._maps_for(number, self._stream, (width, height)), stamp_ns)
+        # Maps of the first pair's size: one of another size is then refused for what it is.
+        self._stream.submit(left, right, self._maps_for(number, self._stream, self._size), stamp_ns)
 
 
 @typed_memory_errors()
-def _checked(item: Any) -> Drawn:
+def _checked(item: Any, channel_order: str) -> Drawn:
     """Return what a source yielded as a stream takes it. Raises InvalidArgument where that cannot be."""
     if isinstance(item, StereoFrame):
-        return *check_pair(item.left, item.right), check_stamp(item.monotonic_ns), item
+        views = check_pair(item.left, item.right)
+        if channel_order == "bgr" and all(view.ndim == 3 for view in views):
+            views = check_pair(*(view[..., ::-1] for view in views))
+        return *views, check_stamp(item.monotonic_ns), item
     if not isinstance(item, tuple | list) or len(item) not in (2, 3):
         rule = "must yield (left, right), (left, right, stamp_ns) or frames of open_source"
         raise InvalidArgument("source", rule, type(item).__name__)

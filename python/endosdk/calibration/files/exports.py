@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from endosdk.calibration.files import native
 from endosdk.calibration.files.native import NumbersInLines
 from endosdk.calibration.files.ros import distortion_of
 from endosdk.errors import InvalidArgument
@@ -30,6 +31,14 @@ METRES = 1e-3
 def layout_of(path: Path) -> str | None:
     """Return the ending by which a name asks for another program's layout, or None."""
     return next((ending for ending in ENDINGS if path.name.lower().endswith(ending)), None)
+
+
+def check_name(argument: str, path: Any) -> None:
+    """Refuse what is no name of a calibration file that `StereoCalibration.save` writes. Raises InvalidArgument."""
+    if not isinstance(path, str | Path):
+        raise InvalidArgument(argument, "must be a file name", repr(path))
+    if layout_of(Path(path)) is None and Path(path).suffix.lower() not in native.ENDINGS:
+        raise InvalidArgument(argument, f"must end in one of {', '.join((*native.ENDINGS, *ENDINGS))}", str(path))
 
 
 def write(calibration: StereoCalibration, path: Path) -> list[Path]:

@@ -20,6 +20,7 @@ from endosdk.live.viewer.wishes import parse_wish
 from endosdk.runtime.threads import start_thread
 
 HOST = "127.0.0.1"
+LARGEST_PORT = 65535
 PICTURES_PER_SECOND = 10  # that the page is sent at most: more would take time from the network
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 # The page loads nothing from anywhere else, and no other page may frame it or learn its address.
@@ -44,6 +45,8 @@ class Server:
             from aiohttp import web
         except ImportError as error:
             raise DependencyMissing("view", f"the page needs aiohttp, which {must_install('live')}", error) from error
+        if not 0 <= port <= LARGEST_PORT:
+            raise InvalidArgument("port", f"must be 0 to {LARGEST_PORT}", port)
         self._web = web
         self._player = player
         self._recordings = recordings
