@@ -132,11 +132,39 @@ def test_verify_finds_what_changed_vanished_or_appeared(root: Path) -> None:
             "left.png must be a whole picture",
         ),
         (lambda f: cv2.imwrite(str(f / "right.png"), np.zeros((9, 9, 3), np.uint8)), "right view must be as large"),
+        (
+            lambda f: cv2.imwrite(str(f / "disparity_right.png"), np.zeros((24, 31), np.uint16)),
+            r"disparity_right\.png must be as large as the left view \(24, 32\); got \(24, 31\)",
+        ),
+        (
+            lambda f: cv2.imwrite(str(f / "occlusion.png"), np.zeros((23, 32), np.uint8)),
+            r"occlusion\.png must be as large as the left view \(24, 32\); got \(23, 32\)",
+        ),
         (lambda f: cv2.imwrite(str(f / "disparity.png"), np.zeros((24, 32), np.uint8)), "must be 16-bit"),
         (lambda f: (f / "sample.json").write_text("{"), "sample.json must be valid JSON"),
         (lambda f: (f / "sample.json").write_text('{"camera": {"focal_px": 4}}'), "baseline_mm"),
+        (
+            lambda f: (f / "sample.json").write_text('{"camera": {"focal_px": 0, "baseline_mm": 4}}'),
+            "focal length and baseline above 0",
+        ),
+        (
+            lambda f: (f / "sample.json").write_text('{"camera": {"focal_px": 4, "baseline_mm": 4}, "info": 3}'),
+            "info must be an object",
+        ),
     ],
-    ids=["missing", "empty", "truncated", "size", "depth", "json", "key"],
+    ids=[
+        "missing",
+        "empty",
+        "truncated",
+        "size",
+        "size of the right truth",
+        "size of the mask",
+        "depth",
+        "json",
+        "key",
+        "camera",
+        "info",
+    ],
 )
 def test_a_broken_sample_is_named(root: Path, damage: object, words: str) -> None:
     damage(root / "train/000000001")  # type: ignore[operator]

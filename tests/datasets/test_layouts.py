@@ -330,6 +330,100 @@ def test_scared_truth_that_is_no_point_map_is_named(tmp_path):
 
 # all of them
 
+WRITERS = {
+    "kitti": lambda root: write_kitti(root, "2015"),
+    "servct": write_servct,
+    "middlebury": lambda root: write_middlebury(root, "2021"),
+}
+
+
+def kitti_rows(focal=721.5, shift=-339.5):
+    first, second = (f"{focal} 0 609.5 {x} 0 {focal} 172.8 0 0 0 1 0\n" for x in (44.85, shift))
+    return f"P_rect_02: {first}P_rect_03: {second}"
+
+
+def servct_json(focal=1035.3, shift=-4348.0, first=596.9, second=598.9):
+    rows = [[[focal, 0, x, t], [0, focal, 520.4, 0], [0, 0, 1, 0]] for x, t in ((first, 0), (second, shift))]
+    return json.dumps({"P1": rows[0], "P2": rows[1]})
+
+
+CALIBRATIONS = {
+    "kitti": "training/calib_cam_to_cam/000003.txt",
+    "servct": "Experiment_1/Rectified_calibration/001.json",
+    "middlebury": "calib.txt",
+}
+
+
+@pytest.mark.parametrize(
+    ("layout", "text", "rule"),
+    [
+        ("kitti", kitti_rows(focal=0), "the focal length of .* must be finite and above 0; got 0.0"),
+        ("kitti", kitti_rows(focal="nan"), "the focal length of .* must be finite and above 0; got nan"),
+        ("kitti", kitti_rows(shift=44.85), "the baseline of .* must be finite and above 0; got 0.0"),
+        ("servct", servct_json(focal=0), "the focal length of .* must be finite and above 0; got 0.0"),
+        ("servct", servct_json(shift=4348.0), "the baseline of .* must be finite and above 0; got -4"),
+        ("servct", servct_json(first=-1e308, second=1e308), "principal points of .* must be finite; got inf"),
+        ("middlebury", CALIB.replace("[3997.684", "[-1"), "the focal length of .* must be finite and above 0; got -1"),
+        ("middlebury", CALIB.replace("193.001", "inf"), "the baseline of .* must be finite and above 0; got inf"),
+        ("middlebury", CALIB.replace("131.111", "nan"), "the doffs of .* must be finite; got nan"),
+    ],
+)
+def test_an_impossible_calibration_is_named(tmp_path, layout, text, rule):
+    WRITERS[layout](tmp_path)
+    save_text(tmp_path / CALIBRATIONS[layout], text)
+    with pytest.raises(DatasetInvalid, match=rule) as found:
+        open_dataset(tmp_path, default_split(layout), layout=layout)[0]
+    assert Path(CALIBRATIONS[layout]).name in str(found.value)
+
+
+SMALL = np.full((HEIGHT - 2, WIDTH), 128, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("layout", "file", "damage"),
+    [
+        ("kitti", "training/disp_noc_0/000003_10.png", lambda path: save(path, SMALL.astype(np.uint16))),
+        ("servct", "Experiment_1/Reference_CT/OcclusionL/001.png", lambda path: save(path, SMALL)),
+        ("middlebury", "disp1.pfm", lambda path: save_pfm(path, SMALL.astype(np.float32) / 64)),
+        ("middlebury", "mask0nocc.png", lambda path: save(path, SMALL)),
+    ],
+)
+def test_a_map_of_another_size_than_the_truth_is_named(tmp_path, layout, file, damage):
+    WRITERS[layout](tmp_path)
+    damage(tmp_path / file)
+    rule = rf"{Path(file).name} must be as large as the truth \(24, 40\); got \(22, 40\)"
+    with pytest.raises(DatasetInvalid, match=rule):
+        open_dataset(tmp_path, default_split(layout), layout=layout)[0]
+
+
+@pytest.mark.parametrize(
+    ("layout", "file"),
+    [
+        ("kitti", "training/disp_occ_0/000003_10.png"),
+        ("servct", "Experiment_1/Reference_CT/Disparity/001.png"),
+        ("middlebury", "disp0.pfm"),
+        ("middlebury", "disp1.pfm"),
+    ],
+)
+def test_truth_beyond_the_frame_is_named(tmp_path, layout, file):
+    WRITERS[layout](tmp_path)
+    truth = np.nan_to_num(truth_map())
+    truth[2, 3] = WIDTH + 0.25
+    if file.endswith(".pfm"):
+        save_pfm(tmp_path / file, truth)
+    else:
+        save(tmp_path / file, as_16bit(truth))
+    rule = rf"{Path(file).name} must hold at most the frame's width, 40 px; got 40.25"
+    with pytest.raises(DatasetInvalid, match=rule):
+        open_dataset(tmp_path, default_split(layout), layout=layout)[0]
+
+
+def test_middlebury_truth_that_is_no_number_is_named(tmp_path):
+    write_middlebury(tmp_path, "2021")
+    save_pfm(tmp_path / "disp0.pfm", truth_map())
+    with pytest.raises(DatasetInvalid, match=r"disp0\.pfm must hold numbers, or inf where there is no truth; got nan"):
+        open_dataset(tmp_path, "train", layout="middlebury")[0]
+
 
 def test_unknown_layout_and_views_of_unequal_size_are_refused(tmp_path):
     with pytest.raises(
@@ -379,7 +473,7 @@ def test_plain_folders_give_truth_and_no_camera(tmp_path, mask):
     write_plain(tmp_path / "Aloe", mask)
     write_plain(tmp_path / "Baby1", mask)
     reader = open_dataset(tmp_path, default_split("plain"), layout="plain")
-    assert reader.ids == ("Aloe", "Baby1")
+    assert reader.ids == open_dataset(tmp_path, "train", layout="plain").ids == ("Aloe", "Baby1")
     sample = reader[0]
     assert np.array_equal(sample.left, views()[0]) and np.array_equal(sample.right, views()[1])
     assert np.array_equal(sample.disparity, truth_map(), equal_nan=True)

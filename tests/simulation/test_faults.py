@@ -233,6 +233,44 @@ def test_a_set_on_disk_is_spoiled_by_the_command(
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        (("--seed", "-1"), "seed: must be within 0..9999; got -1"),
+        (("--workers", "2"), "workers: is for rendering; leave it out with --spoil; got 2"),
+        (("--ray",), "ray: is for rendering"),
+        (("--cycles-python", "python3"), "cycles_python: is for rendering"),
+        ((), "spoil: must be a set without image faults; this sample has some; got"),
+    ],
+)
+def test_what_cannot_be_spoiled_is_refused_before_anything_is_written(
+    sample: Sample, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], rule: str
+) -> None:
+    source = tmp_path / "set"
+    faulty = replace(sample, info={} if words else {"faults": None})  # one that was drawn to stay clean
+    hashes = {"one": write_sample(source, "train", faulty)}
+    write_dataset_record(source, {"format_version": 1, "name": "set", "samples": {"train": hashes, "test": {}}})
+    assert main(["simulate", "--spoil", str(source), "--out", str(tmp_path / "out"), *words]) == 2
+    assert rule in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mask_without_truth_of_the_right_view_is_kept_and_grows(sample: Sample) -> None:
+    assert sample.occlusion is not None
+    alone = replace(sample, disparity_right=None)
+    np.testing.assert_array_equal(spoilt(alone).occlusion, sample.occlusion)
+    faults = {
+        "fields": tuple(field.Field("circle", x, 0.375, 0.4, 0.35, 6.0, 2.0) for x in (0.5, 0.53)),
+        "labels": (field.Label("REC", 0.4, 0.3, 0.05, 250.0, (1,)),),
+        "rows": rows.Rows(4.0, -3.0, 2.0),
+    }
+    with_mask, with_truth = spoilt(alone, **faults).occlusion, spoilt(sample, **faults).occlusion
+    assert with_mask is not None and with_truth is not None
+    assert with_mask[sample.occlusion].all()
+    assert with_mask.mean() > sample.occlusion.mean() + 0.2
+    assert (with_mask == with_truth).mean() > 0.98
+
+
 def test_a_pair_without_truth_for_the_right_view_can_be_spoiled(sample: Sample) -> None:
     alone = replace(sample, disparity_right=None, occlusion=None)
     smoke = lens.Smoke(0.6, 0.5, 1.0, 200.0, (1.0, 1.0, 1.0))

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from endosdk.commands.cli import main
+from endosdk.commands.cli import VERBS, build_parser, main
+from endosdk.commands.simulate import _recipe
 from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
@@ -178,6 +179,11 @@ def test_an_interrupted_run_says_how_to_go_on(renderer: object, tmp_path: Path, 
             "so leave out the rest; got --chroma, --no-noise",
         ),
         (("--frames", "3"), "frames: are those of a video; add --video"),
+        (("--rig", "drawn", "--min-disparity", "1"), "min_disparity: is drawn for every scene, so leave it out"),
+        (("--organ", "lap", "--min-disparity", "1"), "min_disparity: is drawn for every scene"),
+        (("--organ", "shapes", "--min-disparity", "1"), "min_disparity: is drawn for every scene"),
+        (("--faults", "--rig", "drawn", "--no-noise"), "noise: comes with --faults here, so leave it out"),
+        (("--faults", "--organ", "lap", "--no-compression"), "compression: comes with --faults here"),
     ],
 )
 def test_a_setting_that_would_not_count_is_refused(
@@ -186,6 +192,13 @@ def test_a_setting_that_would_not_count_is_refused(
     assert main(["simulate", "--out", str(tmp_path / "set"), *words]) == 2
     assert rule in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize(("width", "largest"), [(24, 6.0), (480, 120.0), (1000, 250.0), (1920, 250.0)])
+def test_the_usual_range_of_drawn_rigs_is_one_that_is_allowed(width: int, largest: float) -> None:
+    words = ["simulate", "--out", "set", "--rig", "drawn", "--width", str(width)]
+    recipe = _recipe(build_parser(VERBS).parse_args(words))
+    assert recipe.limits.largest == largest
 
 
 @pytest.fixture
@@ -219,14 +232,41 @@ def test_a_run_goes_on_after_the_disk_was_full_at_its_start(whole: Path, tmp_pat
     assert not list(tmp_path.glob(".partial*"))
 
 
-def test_a_damaged_sample_is_named(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("complete", [True, False])
+@pytest.mark.parametrize("pairs", ["2", "3"])  # none, or another one, to render
+def test_a_damaged_sample_is_named(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], complete: bool, pairs: str
+) -> None:
     out = tmp_path / "set"
     shutil.copytree(whole, out)
+    if not complete:
+        (out / "dataset.json").unlink()
+    before = {path.name for path in out.iterdir()}
     damaged = out / "train" / f"{3 * SEED_BLOCK:09d}"
     (damaged / "sample.json").unlink()
-    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
+    assert simulate(out, "--pairs", pairs, "--test-pairs", "1") == 2
     assert f"delete its folder, and the same command renders it again; got {damaged}" in capsys.readouterr().err
+    assert {path.name for path in out.iterdir()} == before
+    if pairs != "2":
+        return
     shutil.rmtree(damaged)
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
+
+
+def test_a_changed_or_missing_picture_of_a_complete_set_is_named_and_its_record_kept(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "set"
+    shutil.copytree(whole, out)
+    changed, bare = (out / "train" / f"{3 * SEED_BLOCK + k:09d}" for k in range(2))
+    (changed / "left.png").write_bytes((bare / "left.png").read_bytes())
+    (bare / "occlusion.png").unlink()
+    for damaged in (changed, bare):
+        assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
+        assert "out: a finished sample was changed; delete its folder" in capsys.readouterr().err
+        assert (out / "dataset.json").read_bytes() == (whole / "dataset.json").read_bytes()
+        shutil.rmtree(damaged)
     assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
     assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -90,6 +91,28 @@ def test_a_renderer_goes_on_after_another_came_and_went(empty: Rasteriser) -> No
     other = Rasteriser()
     other.close()
     np.testing.assert_allclose(empty.depth(rectified_pair(CAMERA).left, AT_ORIGIN, 1.0), 100.0, rtol=1e-6)
+
+
+def test_a_closed_renderer_leaves_no_context_behind(renderer: Rasteriser) -> None:
+    current = ctypes.CDLL("libEGL.so.1").eglGetCurrentContext
+    current.restype = ctypes.c_void_p
+    one = Rasteriser()
+    one.add(plane((0, 0, 1), 100.0))
+    one.depth(rectified_pair(CAMERA).left, AT_ORIGIN, 1.0)
+    own = current()
+    assert own is not None
+    one.close()
+    assert current() != own
+
+
+def test_a_worker_that_ends_closes_its_renderer() -> None:
+    program = (
+        "from endosdk.simulation.render_processes import _renderers\n"
+        "class Renderer:\n    def close(self):\n        print('closed')\n"
+        "_renderers['one'] = Renderer()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "closed\n"
 
 
 def test_missing_graphics_say_what_to_install() -> None:

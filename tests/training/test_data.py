@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -107,3 +109,19 @@ def test_bad_settings_are_named(reader):
         Crops(reader, [], (64, 128), seed=0)
     with pytest.raises(InvalidArgument, match="crop"):
         Crops(reader, [0], (64, 512), seed=0)
+
+
+def test_truth_too_large_to_be_kept_is_unknown_and_counted(reader):
+    class Near:
+        name, sha256 = reader.name, reader.sha256
+
+        def __getitem__(self, index):
+            disparity = np.full((128, 256), 20.0, np.float32)
+            disparity[:2], disparity[2], disparity[3] = 300.0, 65535 / 256, np.nan
+            return replace(reader[index], disparity=disparity)
+
+    source = crops(Near(), augment=False)
+    truth = source.truth(0)
+    assert np.isnan(truth[:2]).all() and (truth[2] == 65535 / 256).all() and np.isnan(truth[3]).all()
+    assert (truth[4:] == 20).all()
+    assert source.too_large(0) == 2 * 256

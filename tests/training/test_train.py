@@ -247,6 +247,14 @@ def test_a_run_is_not_overwritten(dataset_root, tmp_path):
         train(settings(dataset_root, steps=2, optimiser="adamw"), tmp_path, resume=True)
 
 
+def test_a_resumed_run_keeps_its_origin_and_the_steps_that_are_done(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=2, held_out=0), tmp_path)
+    with pytest.raises(InvalidArgument, match="init_from: must be the checkpoint's None; got fast"):
+        train(settings(dataset_root, steps=3, held_out=0, init_from="fast"), tmp_path, resume=True)
+    with pytest.raises(InvalidArgument, match="steps: must be at least the 2 that are done; got 1"):
+        train(settings(dataset_root, steps=1, held_out=0), tmp_path, resume=True)
+
+
 def test_truth_beyond_the_range_is_counted_and_told(tmp_path, caplog):
     truth = np.full((64, 128), 20.0, np.float32)
     truth[:16] = 50.0
@@ -259,6 +267,35 @@ def test_truth_beyond_the_range_is_counted_and_told(tmp_path, caplog):
     assert "33.3 % of the truth in 2 training pairs lies beyond max_disparity, 48 px" in caplog.text
     run.save()
     assert checkpoint.load(tmp_path / "run").state["dataset"]["beyond_range"] == pytest.approx(1 / 3)
+
+
+def test_truth_too_large_to_be_kept_counts_as_beyond_the_range(tmp_path, caplog):
+    truth = np.full((64, 128), 200.0, np.float32)  # seen twice as wide: 400 px
+    truth[:48] = 20.0
+    one_frame_set(tmp_path / "set", (64, 128), truth)
+    config = settings(tmp_path / "set", max_disparity=48, held_out=0, inference_width=256)
+    assert Run(config, tmp_path / "run").beyond_range == pytest.approx(1 / 4)
+
+
+@pytest.mark.parametrize("disparity", [np.nan, 60.0, 250.0])
+def test_pairs_without_truth_in_range_are_refused_before_the_run_begins(disparity, tmp_path):
+    one_frame_set(tmp_path / "set", (64, 128), disparity)
+    config = settings(tmp_path / "set", max_disparity=48, held_out=0, inference_width=256)
+    with pytest.raises(DatasetInvalid, match="must have truth below max_disparity, 48 px, in the pairs trained on"):
+        Run(config, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_one_pair_with_truth_in_range_is_enough(tmp_path, monkeypatch):
+    monkeypatch.setattr("endosdk.training.train.COUNTED_PAIRS", 1)  # the first one, which has none
+    one_frame_set(tmp_path / "set", (64, 128))
+    picture, truth = np.full((64, 128, 3), 90, np.uint8), np.full((64, 128), np.nan, np.float32)
+    bare = write_sample(tmp_path / "set", "train", Sample("0", picture, picture, truth, None, None, 200.0, 5.0))
+    record = json.loads((tmp_path / "set/dataset.json").read_text())
+    record["samples"]["train"]["0"] = bare
+    write_dataset_record(tmp_path / "set", record)
+    config = settings(tmp_path / "set", max_disparity=48, held_out=0, inference_width=128)
+    assert Run(config, tmp_path / "run").beyond_range == 0
 
 
 def test_the_precision_that_ran_is_kept_and_a_change_is_told(dataset_root, tmp_path, caplog):

@@ -1,6 +1,7 @@
 import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import onnxruntime as ort
 import pytest
@@ -75,6 +76,13 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
         (["export", "nowhere", "--out", "model.onnx"], "checkpoint"),
         (["export", "nowhere", "--out", "."], "out: must be a file that ends in .onnx"),
         (["export", "nowhere", "--out", "model.onnx", "--layout", "kitti"], "layout: is that of --data"),
+        (["export", "fast", "--triton", "served", "--layout", "kitti"], "layout: is for a training run"),
+        (["export", "fast", "--triton", "served", "--model-version", "2"], "model_version: is for a training run"),
+        (["export", "fast", "--triton", "served", "--output-stride", "4"], "output_stride: is for a training run"),
+        (
+            ["export", "nowhere", "--out", "model.onnx", "--triton", "served", "--model-version", "1.2"],
+            "model_version: must be a whole number with --triton; got '1.2'",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_status_two(words, part, tmp_path, monkeypatch, capsys):
@@ -84,6 +92,66 @@ def test_bad_input_is_one_line_and_status_two(words, part, tmp_path, monkeypatch
     assert part in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (("--name", "a/b"), "name: must be 1 to 100 letters"),
+        (("--name", ""), "name: must be 1 to 100 letters"),
+        (("--model-version", ""), "version: must not be empty"),
+        (("--int8", "8 bit.onnx"), "int8: its name must be 1 to 100 letters"),
+    ],
+)
+def test_a_name_no_model_may_have_is_refused_at_once(words, part, dataset_root, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("endosdk.training.release.full_scores", lambda *_: pytest.fail("scored"))
+    weights = str(shipped_weights()["fast"])
+    assert main(["export", weights, "--out", "m.onnx", "--data", str(dataset_root), *words]) == 2
+    assert part in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_layout_without_test_pairs_is_scored_on_those_with_truth(tmp_path, monkeypatch):
+    """KITTI has truth for its training pairs alone; the record names the split."""
+    rng = np.random.default_rng(1)
+    for name in ("000000_10", "000001_10"):
+        wide = rng.integers(0, 256, (96, 170, 3), dtype=np.uint8)
+        for folder, picture in (
+            ("image_2", wide[:, :160]),
+            ("image_3", wide[:, 10:]),
+            ("disp_occ_0", np.full((96, 160), 10 * 256, np.uint16)),
+        ):
+            file = tmp_path / "kitti/training" / folder / f"{name}.png"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            assert cv2.imwrite(str(file), picture)
+        calibration = tmp_path / f"kitti/training/calib_cam_to_cam/{name.removesuffix('_10')}.txt"
+        calibration.parent.mkdir(exist_ok=True)
+        rows = "100 0 80 {} 0 100 48 0 0 0 1 0\n"
+        calibration.write_text(f"P_rect_02: {rows.format(0)}P_rect_03: {rows.format(-54)}")
+    common = {"network": "fast", "max_disparity": 48, "crop": (64, 128), "inference_width": 160, "batch": 1}
+    data = {"data": (str(tmp_path / "kitti"),), "layout": "kitti", "held_out": 1}
+    run = train(TrainConfig(**common, **data, steps=1), tmp_path / "run")
+    for slow in ("export_model", "check_parity"):
+        monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
+    for given in ({}, {"data": tmp_path / "kitti", "layout": "kitti"}):
+        report = release(checkpoint.load(run), tmp_path / "m.onnx", **given)
+        assert (report["training"]["test"]["split"], report["training"]["test"]["pairs"]) == ("train", 2)
+
+
+def test_plain_folders_can_be_trained_on(tmp_path):
+    picture = np.full((64, 128, 3), 90, np.uint8)
+    (tmp_path / "mine/0").mkdir(parents=True)
+    for name, content in (
+        ("left", picture),
+        ("right", picture),
+        ("disparity", np.full((64, 128), 9 * 256, np.uint16)),
+    ):
+        assert cv2.imwrite(str(tmp_path / f"mine/0/{name}.png"), content)
+    words = ["--data", str(tmp_path / "mine"), "--layout", "plain", "--out", str(tmp_path / "run"), "--held-out", "0"]
+    size = ["--crop", "64", "128", "--inference-width", "128", "--max-disparity", "48"]
+    assert main(["train", "--network", "fast", *words, *size, "--batch", "1", "--steps", "1"]) == 0
+    assert checkpoint.load(tmp_path / "run").step == 1
 
 
 def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_path, monkeypatch):

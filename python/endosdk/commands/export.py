@@ -8,6 +8,8 @@ from pathlib import Path
 
 from endosdk.commands.report import Report
 
+VERSION = "1"
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -16,7 +18,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="FILE", help="the .onnx file to write (default: none, which --triton alone allows)"
     )
     parser.add_argument("--name", help="model name (default: name of the network)")
-    parser.add_argument("--model-version", default="1", help="version of the weights")
+    parser.add_argument("--model-version", help=f"version of the weights (default: {VERSION})")
     parser.add_argument(
         "--data",
         type=Path,
@@ -58,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         if args.triton is None:
             raise InvalidArgument("out", "must name the .onnx file to write, or --triton a repository", None)
-        for name in ("int8", "weights", "data", "name"):
+        for name in ("int8", "weights", "data", "layout", "name", "model_version", "output_stride"):
             if getattr(args, name) is not None:
                 raise InvalidArgument(name, "is for a training run that is exported; give --out", getattr(args, name))
         return _serve(Report(args), args.run, args.triton).end()
@@ -71,12 +73,16 @@ def run(args: argparse.Namespace) -> int:
             raise InvalidArgument(name, f"must be a file that ends in {ending}", file)
     if args.layout is not None and args.data is None:
         raise InvalidArgument("layout", "is that of --data; give both", args.layout)
+    version = VERSION if args.model_version is None else args.model_version
+    # Known before the minutes that scoring takes, not when the model is added.
+    if args.triton is not None and not (version.isascii() and version.isdecimal() and version.strip("0")):
+        raise InvalidArgument("model_version", "must be a whole number with --triton", repr(version))
     trained = checkpoint.load(Path(args.run))
     figures = release(
         trained,
         args.out,
         name=args.name,
-        version=args.model_version,
+        version=version,
         data=args.data,
         layout=args.layout or "endosdk",
         int8=args.int8,

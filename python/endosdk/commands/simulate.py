@@ -30,8 +30,11 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "height": (720, "pixels"),
     "focal": (400.0, "focal length in pixels"),
     "baseline": (10.0, "mm between the lenses"),
-    "min_disparity": (2.0, "px, target value"),
-    "max_disparity": (69.5, "px, upper limit (default: 69.5; with --rig drawn 25 %% of the width)"),
+    "min_disparity": (2.0, "px, target value; not with --rig drawn or --organ lap or shapes"),
+    "max_disparity": (
+        69.5,
+        "px, upper limit (default: 69.5; with --rig drawn 25 %% of the width, at most 250)",
+    ),
     "faults": (
         False,
         "add image faults: field of view, vertical disparity, blur of one view, glare, smoke, noise and more",
@@ -60,7 +63,12 @@ def _option(name: str) -> str:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--out", type=Path, metavar="DIR", help="output folder; an unfinished data set is continued")
+    what.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="output folder; an unfinished data set is continued, but --spoil needs a new or empty folder",
+    )
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
@@ -137,6 +145,9 @@ def _spoil(args: argparse.Namespace) -> int:
     if given or args.recipe is not None:
         options = ", ".join([*(_option(name) for name in given), *(["--recipe"] if args.recipe else [])])
         raise InvalidArgument("spoil", "takes the pairs as they are, so leave out the rest but --seed", options)
+    for name, without in (("workers", 1), ("ray", False), ("cycles_python", None)):
+        if getattr(args, name) != without:
+            raise InvalidArgument(name, "is for rendering; leave it out with --spoil", getattr(args, name))
     record = spoil_set(args.spoil, args.out, args.seed if args.seed is not None else 1)
     report = Report(args)
     report.record = {"out": args.out, "pairs": sum(len(ids) for ids in record["samples"].values())}
@@ -165,6 +176,7 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     from endosdk.simulation.effects import Effects
     from endosdk.simulation.recipe import Recipe, published
     from endosdk.simulation.sample import DisparityLimits
+    from endosdk.simulation.scene import LAP, SHAPES
     from endosdk.simulation.tissue_pictures import find_pictures
 
     given = [name for name in (*_SETTINGS, "textures") if getattr(args, name) is not None]
@@ -182,6 +194,8 @@ def _recipe(args: argparse.Namespace) -> Recipe:
         raise InvalidArgument("frames", "must be at least 1 for a video", chosen["frames"])
     if chosen["rig"] == "drawn":
         _leave_to_the_scenes(chosen, given)
+    if chosen["rig"] == "drawn" or chosen["organ"] in (LAP, SHAPES):
+        _leave_to_the_range(chosen, given)
     same_name = {field.name: chosen[field.name] for field in fields(Effects) if field.name in chosen}
     return Recipe(
         **{
@@ -204,6 +218,7 @@ def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
     from endosdk.errors import InvalidArgument
     from endosdk.simulation.camera import StereoCamera
     from endosdk.simulation.rigs import WIDEST_DISPARITY
+    from endosdk.simulation.sample import MOST_DISPARITY
 
     drawn = ["focal", "baseline", *(["height"] if chosen["aspect"] == "drawn" else [])]
     for name in drawn:
@@ -214,4 +229,17 @@ def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
     if "height" not in given:
         chosen["height"] = round(default.height * width / default.width)
     if "max_disparity" not in given:
-        chosen["max_disparity"] = WIDEST_DISPARITY * width
+        chosen["max_disparity"] = min(WIDEST_DISPARITY * width, float(MOST_DISPARITY))
+
+
+def _leave_to_the_range(chosen: dict[str, Any], given: list[str]) -> None:
+    """Refuse what does not count where every scene draws the range that its rig looks at."""
+    from endosdk.errors import InvalidArgument
+
+    if "min_disparity" in given:
+        rule = "is drawn for every scene, so leave it out"
+        raise InvalidArgument("min_disparity", rule, chosen["min_disparity"])
+    chosen["min_disparity"] = min(chosen["min_disparity"], chosen["max_disparity"] / 4)
+    for name in ("noise", "compression"):
+        if chosen["faults"] and name in given:
+            raise InvalidArgument(name, "comes with --faults here, so leave it out", _option(name))

@@ -153,18 +153,21 @@ def read_text(path: Path, argument: str) -> str:
 
 def read_sample(folder: Path) -> Sample:
     """Read one sample folder. Raises DatasetInvalid naming the file that is missing or wrong."""
-    record = _sample_record(folder)
+    record = read_sample_record(folder)
     left, right = read_colours(view_file(folder, "left")), read_colours(view_file(folder, "right"))
     disparity = read_disparity(folder / "disparity.png")
-    for name, array in (("right view", right), ("disparity.png", disparity)):
-        if array.shape[:2] != left.shape[:2]:
+    other = read_disparity(folder / "disparity_right.png") if (folder / "disparity_right.png").exists() else None
+    occlusion = read_gray(folder / "occlusion.png") > 0 if (folder / "occlusion.png").exists() else None
+    for name, array in (
+        ("right view", right),
+        ("disparity.png", disparity),
+        ("disparity_right.png", other),
+        ("occlusion.png", occlusion),
+    ):
+        if array is not None and array.shape[:2] != left.shape[:2]:
             raise DatasetInvalid(
                 "sample", f"{name} must be as large as the left view {left.shape[:2]}", array.shape[:2]
             )
-    other = read_disparity(folder / "disparity_right.png") if (folder / "disparity_right.png").exists() else None
-    occlusion = None
-    if (folder / "occlusion.png").exists():
-        occlusion = read_gray(folder / "occlusion.png") > 0
     camera = record["camera"]
     return Sample(
         id=folder.name,
@@ -186,19 +189,22 @@ def view_file(folder: Path, view: str) -> Path:
     return packed if packed.exists() else folder / f"{view}.png"
 
 
-def _sample_record(folder: Path) -> dict[str, Any]:
+def read_sample_record(folder: Path) -> dict[str, Any]:
+    """Return the contents of a sample's ``sample.json``. Raises DatasetInvalid."""
     path = folder / "sample.json"
     try:
         record = read_json(path, "sample")
         camera = record["camera"]
         numbers = [float(camera[key]) for key in ("focal_px", "baseline_mm")] + [float(camera.get("doffs", 0.0))]
-        if not np.isfinite(numbers).all():
-            raise ValueError("they must be finite")
+        if not np.isfinite(numbers).all() or min(numbers[:2]) <= 0:
+            raise ValueError("they must be finite, focal length and baseline above 0")
+        if not isinstance(record.get("info", {}), dict):
+            raise TypeError("info must be an object")
         return dict(record)
     except DatasetInvalid:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-        rule = "sample.json must be JSON with camera.focal_px and camera.baseline_mm"
+        rule = "sample.json must be JSON with camera.focal_px and camera.baseline_mm, and perhaps an object info"
         raise DatasetInvalid("sample", rule, f"{path}: {error!r}") from error
 
 

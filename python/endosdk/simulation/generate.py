@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, hash_sample, write_dataset_record
+from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, hash_sample, read_record, write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.progress import progress as progress_bar
 from endosdk.io.resumable_folder import claim_folder
@@ -19,6 +19,7 @@ from endosdk.simulation.scene import MIXTURES
 from endosdk.simulation.tasks import Job, Task
 
 RECIPE = "recipe.json"
+CHANGED = "a finished sample was changed; delete its folder, and the same command renders it again"
 
 
 def generate(
@@ -43,6 +44,7 @@ def generate(
     if missing:
         job.check()
     _claim(job.root, recipe)
+    _check_finished(job.root)
     if missing:
         (job.root / "dataset.json").unlink(missing_ok=True)
         _render_all(job, missing, workers, progress, ray)
@@ -58,6 +60,25 @@ def _claim(root: Path, recipe: Recipe) -> None:
     begun = claim_folder(root, RECIPE, wanted, lambda begun: _extends(wanted, begun), rule)
     if begun != wanted:
         write_text(root / RECIPE, json.dumps(wanted, indent=1) + "\n", "out")
+
+
+def _check_finished(root: Path) -> None:
+    """Raise DatasetInvalid where a sample of a set that was complete is no longer what its record says."""
+    if not (root / "dataset.json").exists():
+        return
+    recorded = read_record(root)["samples"]
+    for split in SPLITS:
+        for name, sha256 in recorded[split].items():
+            folder = root / split / name
+            if folder.is_dir() and _hash(folder) != sha256:
+                raise DatasetInvalid("out", CHANGED, folder)
+
+
+def _hash(folder: Path) -> str:
+    try:
+        return hash_sample(folder)
+    except OSError as error:
+        raise DatasetInvalid("out", CHANGED, f"{folder}: {error!r}") from error
 
 
 def _extends(wanted: dict[str, Any], begun: dict[str, Any]) -> bool:
@@ -90,12 +111,11 @@ def _record(job: Job) -> dict[str, Any]:
         seeds.setdefault(split, [seed, seed])[1] = seed
         for name in recipe.names(seed):
             folder = job.root / split / name
+            samples[split][name] = _hash(folder)
             try:
-                samples[split][name] = hash_sample(folder)
                 renderers.add(json.loads((folder / "sample.json").read_text())["info"]["renderer"])
             except (OSError, ValueError, KeyError, TypeError) as error:
-                rule = "a finished sample was changed; delete its folder, and the same command renders it again"
-                raise DatasetInvalid("out", rule, f"{folder}: {error!r}") from error
+                raise DatasetInvalid("out", CHANGED, f"{folder}: {error!r}") from error
     described = recipe.described()
     return {
         "format_version": FORMAT_VERSION,

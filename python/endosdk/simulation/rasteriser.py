@@ -104,7 +104,13 @@ class Rasteriser:
         """Free everything; the object cannot be used afterwards."""
         self.clear()
         for target in self._targets.values():
-            target.release()
+            parts = (*target.color_attachments, target.depth_attachment)
+            for resource in (target, *parts):
+                resource.release()
+        for program in (self._colour_program, self._depth_program):
+            program.release()
+        # One that is still current would outlive its release, until the process is torn down around it.
+        self._gl.__exit__(None, None, None)
         self._gl.release()
 
     def depth(self, view: View, pose: Pose, scale: float) -> Array:

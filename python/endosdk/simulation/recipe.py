@@ -63,8 +63,7 @@ class Recipe:
                 raise InvalidArgument(name, f"must be within 0..{TEST_OFFSET}", getattr(self, name))
         if self.pairs + self.test_pairs == 0:
             raise InvalidArgument("pairs", "at least one pair must be asked for", 0)
-        if not 0 <= self.seed < 10_000:
-            raise InvalidArgument("seed", "must be within 0..9999", self.seed)
+        check_seed(self.seed)
         if self.limits.largest > 0.5 * self.camera.width:
             rule = f"the largest disparity must be at most half the width of {self.camera.width} px"
             raise InvalidArgument("limits", rule, self.limits.largest)
@@ -108,6 +107,12 @@ class Recipe:
             if plain[name] == unused:
                 del plain[name]
         return plain
+
+
+def check_seed(seed: int) -> None:
+    """Raise InvalidArgument for a seed that no set may have."""
+    if not 0 <= seed < 10_000:
+        raise InvalidArgument("seed", "must be within 0..9999", seed)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Iterator
 from functools import partial
 
@@ -49,6 +50,7 @@ def _render(job: Job, task: Task) -> int:
     return sum(render_task(_renderers[kind], job, task))
 
 
+@atexit.register
 def _close_renderers() -> None:
-    for renderer in _renderers.values():
-        renderer.close()
+    while _renderers:
+        _renderers.popitem()[1].close()

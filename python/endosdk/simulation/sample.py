@@ -28,6 +28,7 @@ POSE_TRIALS = 8
 PREVIEW_PX = 240
 TEXTURED_FOR_PX = 960  # width of picture for which the sizes of textures are given
 NO_EFFECTS = Effects()
+MOST_DISPARITY = 250  # px; files hold up to 255.996
 # A pose is refused when little of the picture is near, or when a fold right at the lens takes all the range.
 CLOSE_SHARE, CLOSE_DISPARITY = 0.25, 0.33
 LENS_SHARE, LENS_DISPARITY = 0.03, 0.85
@@ -42,8 +43,8 @@ class DisparityLimits:
     largest: float = 69.5
 
     def __post_init__(self) -> None:
-        if not (0 < self.smallest < self.largest < 250):
-            rule = "disparities must satisfy 0 < smallest < largest < 250 px"
+        if not (0 < self.smallest < self.largest <= MOST_DISPARITY):
+            rule = f"disparities must satisfy 0 < smallest < largest <= {MOST_DISPARITY} px"
             raise InvalidArgument("limits", rule, (self.smallest, self.largest))
         if self.largest < 4 * self.smallest:
             raise InvalidArgument("limits", "the largest disparity must be at least 4 times the smallest", self)

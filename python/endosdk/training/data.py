@@ -20,6 +20,7 @@ from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
 from endosdk.training.frame_size import seen_size, seen_truth, seen_views
 
 TRUTH_SCALE = 256.0  # disparity is cached in 1/256 px, as it is on disk
+LARGEST_PACKED = 65535
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class _Stored:
     right: NDArray[np.uint8]
     disparity: NDArray[np.uint16]
     disparity_right: NDArray[np.uint16] | None
+    too_large: int  # pixels of the left truth that 16 bits cannot hold: unknown here
 
     @property
     def size(self) -> int:
@@ -97,6 +99,10 @@ class Crops(Dataset[tuple[Tensor, ...]]):
         """Disparity [H, W] of a sample of the reader in px as the network sees it, NaN where there is none."""
         return _truth(self._load(index).disparity)
 
+    def too_large(self, index: int) -> int:
+        """Count the pixels of a sample whose disparity is too large to be kept; `truth` has none there."""
+        return self._load(index).too_large
+
     def batches(
         self, batch: int, *, first: int, last: int, rank: int, world: int, workers: int
     ) -> Iterator[list[Tensor]]:
@@ -124,12 +130,10 @@ class Crops(Dataset[tuple[Tensor, ...]]):
         left, right = (
             np.ascontiguousarray(view.transpose(1, 2, 0)) for view in seen_views(sample.left, sample.right, size)
         )
-        truth, truth_right = (
-            None if truth is None else _packed(seen_truth(truth, size))
-            for truth in (sample.disparity, sample.disparity_right)
-        )
-        assert truth is not None
-        stored = _Stored(left, right, truth, truth_right)
+        truth = seen_truth(sample.disparity, size)
+        truth_right = None if sample.disparity_right is None else _packed(seen_truth(sample.disparity_right, size))
+        too_large = int((_scaled(truth) > LARGEST_PACKED).sum())
+        stored = _Stored(left, right, _packed(truth), truth_right, too_large)
         if stored.size <= self._room:
             self._room -= stored.size
             self._cache[index] = stored
@@ -159,8 +163,13 @@ def has_truth(disparity: Tensor, max_disparity: int) -> Tensor:
 
 
 def _packed(disparity: NDArray[np.float32]) -> NDArray[np.uint16]:
-    scaled = np.nan_to_num(disparity, nan=0.0) * TRUTH_SCALE
-    return np.asarray(np.clip(np.rint(scaled), 0, 65535), dtype=np.uint16)
+    """Return the truth in 16 bits; 0 where there is none, or one that they cannot hold."""
+    scaled = _scaled(disparity)
+    return np.where((scaled > 0) & (scaled <= LARGEST_PACKED), scaled, 0).astype(np.uint16)
+
+
+def _scaled(disparity: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(np.rint(disparity * np.float32(TRUTH_SCALE)), dtype=np.float32)
 
 
 def _truth(packed: NDArray[np.uint16]) -> NDArray[np.float32]:

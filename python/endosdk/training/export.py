@@ -15,6 +15,8 @@ import onnx
 import torch
 
 from endosdk import _core
+from endosdk.errors import InvalidArgument
+from endosdk.io.names import RULE, is_plain_name
 from endosdk.training.model_file import write_model
 from endosdk.training.networks.base import Deployed, StereoNetwork
 
@@ -33,6 +35,13 @@ class ModelDescription:
     license: str = "Apache-2.0"
     intended_use: str = "Research and evaluation on rectified binocular endoscopy; not a medical device."
     training: dict[str, Any] = field(default_factory=dict)  # data ids and hashes, commit, recipe, test metrics
+
+    def __post_init__(self) -> None:
+        """Check what every reader of the file demands."""
+        if not is_plain_name(self.name):
+            raise InvalidArgument("name", RULE, repr(self.name))
+        if not self.version:
+            raise InvalidArgument("version", "must not be empty", repr(self.version))
 
 
 def export_model(network: StereoNetwork, path: Path, info: ModelDescription, *, size_step: int = 1) -> None:

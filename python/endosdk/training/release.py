@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from endosdk.datasets.dataset import DatasetReader
-from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
+from endosdk.io.names import RULE, is_plain_name
 from endosdk.jobs.machine import machine_record
 from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.export import ModelDescription, export_model
@@ -40,12 +42,16 @@ def release(
 ) -> dict[str, Any]:
     """Write the model file and return its scores on the test split and the parity with torch.
 
-    ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on.
+    ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on;
+    of a layout that has truth for no test split, the training split is taken, as the scores say.
     With ``int8`` the 8-bit form is written there, named for its file; ranges are measured on pairs that the run was
     trained on. Weights that were kept without their run do not say where its data lies: they need ``data``, and have
     no 8-bit form. The file has this ``output_stride``, by default the one that the network was trained for. Raises
-    InvalidArgument for these, and for a test split without pairs.
+    InvalidArgument for these, for a name or a version that no model may have, and for a test split without pairs.
     """
+    info = ModelDescription(name=trained.config.network if name is None else name, version=version)
+    if int8 is not None and not is_plain_name(int8.stem):
+        raise InvalidArgument("int8", f"its name {RULE}", repr(int8.stem))
     reader = _test_split(trained, data, layout)
     ranges = None if int8 is None else _range_pairs(trained)  # before the scoring, which takes minutes
     keep_freed_memory()  # the frames of the test split go through torch on the CPU
@@ -56,7 +62,7 @@ def release(
     machine = machine_record()
     training = {
         "data": trained.state["dataset"],
-        "test": {"name": reader.name, "sha256": reader.sha256, **scores},
+        "test": {**_note(reader), **scores},
         "commit": machine["commit"],
         "recipe": {key: trained.config.as_dict()[key] for key in RECIPE},
         "steps_done": trained.step,
@@ -64,15 +70,14 @@ def release(
         "precision": trained.state.get("precision"),  # None: of a run before it was kept
         "init": trained.state["init"],
     }
-    info = ModelDescription(name=name or trained.config.network, version=version, training=training)
-    export_model(network, path, info)
+    export_model(network, path, replace(info, training=training))
     sample = reader[0]
     parity = check_parity(network, path, parity_pairs(sample.left, sample.right))
     report = {"model": info.name, "version": version, "training": training, "parity": parity, "machine": machine}
     if int8 is not None and ranges is not None:
         quantize_model(path, int8, *ranges)
         int8_scores = evaluate(estimator_method(str(int8)), reader)
-        describe_quantised(int8, int8.stem, {"name": reader.name, "sha256": reader.sha256, **int8_scores})
+        describe_quantised(int8, int8.stem, {**_note(reader), **int8_scores})
         report["int8"] = int8_scores
     return report
 
@@ -81,10 +86,14 @@ def _test_split(trained: Checkpoint, data: Path | None, layout: str) -> DatasetR
     if data is None:
         if not trained.config.data:
             raise InvalidArgument("data", "must be given: weights alone do not say where their data lies", "nothing")
-        return open_sets(trained.config.data, "test", trained.config.layout)
-    reader = open_dataset(data, "test", layout=layout)
+        return open_sets(trained.config.data, default_split(trained.config.layout), trained.config.layout)
+    reader = open_dataset(data, default_split(layout), layout=layout)
     require_pairs(reader)
     return reader
+
+
+def _note(reader: DatasetReader) -> dict[str, str]:
+    return {"name": reader.name, "split": reader.split, "sha256": reader.sha256}
 
 
 def _range_pairs(trained: Checkpoint) -> tuple[DatasetReader, list[int]]:

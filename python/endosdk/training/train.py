@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.errors import InvalidArgument, ProviderUnavailable, StorageFailed
+from endosdk.errors import DatasetInvalid, InvalidArgument, ProviderUnavailable, StorageFailed
 from endosdk.io.progress import progress
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -131,7 +131,8 @@ class Run:
         # No weight depends on how many planes are searched, or on what is done beside the layers: a run may start from
         # one of another range, and from another network of the same weights.
         others = ("network",) if saved.differing(self.network) else ()
-        for name in ("network", "max_disparity", "inference_width") if resume else others:
+        # What the weights were before a run stays what it was.
+        for name in ("network", "max_disparity", "inference_width", "init_from") if resume else others:
             if getattr(saved.config, name) != getattr(self.config, name):
                 raise InvalidArgument(
                     name, f"must be the checkpoint's {getattr(saved.config, name)}", getattr(self.config, name)
@@ -140,6 +141,8 @@ class Run:
         if resume:
             if saved.config.optimiser != self.config.optimiser:
                 raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
+            if saved.step > self.config.steps:
+                raise InvalidArgument("steps", f"must be at least the {saved.step} that are done", self.config.steps)
             self.step, self.seconds = saved.step, float(saved.state["seconds"])
             self.history, self.origin = saved.state["history"], saved.state["init"]
             self._compare_precision(saved.state.get("precision"))
@@ -156,17 +159,26 @@ class Run:
             LOG.warning(message, before, self.precision, before)
 
     def _count_beyond_range(self) -> float:
-        """Share of the truth, in pairs spread over those trained on, that no plane of the network reaches."""
+        """Share of the truth, in pairs spread over those trained on, that no plane of the network reaches.
+
+        Raises DatasetInvalid where no pair has any that is reached.
+        """
         seen = self.train_pairs[:: -(-len(self.train_pairs) // COUNTED_PAIRS)]
-        truths = [self.crops.truth(index) for index in seen]
-        known = sum(int((truth > 0).sum()) for truth in truths)
-        beyond = sum(int((truth >= self.config.max_disparity).sum()) for truth in truths)
+        known, beyond = (sum(counts) for counts in zip(*map(self._known_and_beyond, seen), strict=True))
+        if known == beyond and all(k == b for k, b in map(self._known_and_beyond, self.train_pairs)):
+            rule = f"must have truth below max_disparity, {self.config.max_disparity} px, in the pairs trained on"
+            raise DatasetInvalid("dataset", rule, f"none in {self.reader.name}")
         if beyond:
             message = (
                 "%.1f %% of the truth in %d training pairs lies beyond max_disparity, %d px, and is not learned from"
             )
             LOG.warning(message, 100 * beyond / known, len(seen), self.config.max_disparity)
         return beyond / known if known else 0.0
+
+    def _known_and_beyond(self, index: int) -> tuple[int, int]:
+        """Count the pixels of a pair that have truth, and those of them that no plane of the network reaches."""
+        truth, too_large = self.crops.truth(index), self.crops.too_large(index)
+        return int((truth > 0).sum()) + too_large, int((truth >= self.config.max_disparity).sum()) + too_large
 
     def fit(self) -> None:
         """Take every step that is left: first those of the coarse stage alone, then those of both."""

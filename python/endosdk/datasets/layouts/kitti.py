@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_text
-from endosdk.datasets.layouts.public import PublicReader
+from endosdk.datasets.layouts.public import PublicReader, positive, require_size, require_within_frame
 from endosdk.errors import DatasetInvalid
 
 
@@ -63,10 +63,15 @@ class KittiReader(PublicReader):
         """Read views, both truths and the projections."""
         left, right, truth, visible, calibration = files
         disparity = read_disparity(truth)
-        # The second map leaves out what the right view does not see.
-        occlusion = np.isfinite(disparity) & ~np.isfinite(read_disparity(visible)) if visible.exists() else None
+        require_within_frame(truth, disparity)
+        occlusion = None
+        if visible.exists():
+            seen = read_disparity(visible)
+            require_size(visible, seen, disparity)
+            # The second map leaves out what the right view does not see.
+            occlusion = np.isfinite(disparity) & ~np.isfinite(seen)
         first, second = (_projection(calibration, key) for key in self.edition.cameras)
-        focal = float(first[0, 0])
+        focal = positive(calibration, "focal length", float(first[0, 0]))
         return Sample(
             id=sample_id,
             left=read_colours(left),
@@ -75,7 +80,7 @@ class KittiReader(PublicReader):
             disparity_right=None,
             occlusion=occlusion,
             focal_px=focal,
-            baseline_mm=1e3 * float(first[0, 3] - second[0, 3]) / focal,
+            baseline_mm=positive(calibration, "baseline", 1e3 * (float(first[0, 3]) - float(second[0, 3])) / focal),
             info={"layout": self.layout, "edition": self.edition.left},
         )
 

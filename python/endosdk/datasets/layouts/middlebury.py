@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from endosdk.datasets.dataset import Sample, find_occlusion, read_colours, read_gray, read_text
 from endosdk.datasets.layouts.pfm import read_pfm
-from endosdk.datasets.layouts.public import PublicReader
+from endosdk.datasets.layouts.public import PublicReader, finite, positive, require_size, require_within_frame
 from endosdk.errors import DatasetInvalid
 
 _TRUTHS = ("disp0.pfm", "disp0GT.pfm")
@@ -42,11 +42,14 @@ class MiddleburyReader(PublicReader):
         """Read views, truth and calibration; occlusion from the mask, or else from the truth of both views."""
         left, right, truth, truth_right, mask, calibration = files
         numbers = _calibration(calibration)
-        disparity = _known(read_pfm(truth))
-        other = _known(read_pfm(truth_right)) if truth_right.exists() else None
+        disparity = _read_truth(truth)
+        other = _read_truth(truth_right) if truth_right.exists() else None
+        if other is not None:
+            require_size(truth_right, other, disparity)
         occlusion: NDArray[np.bool_] | None = None
         if mask.exists():
             occlusion = read_gray(mask) == 128  # 255: both views see it; 0: no truth
+            require_size(mask, occlusion, disparity)
         elif other is not None:
             occlusion = find_occlusion(disparity, other)
         return Sample(
@@ -63,7 +66,12 @@ class MiddleburyReader(PublicReader):
         )
 
 
-def _known(disparity: NDArray[np.float32]) -> NDArray[np.float32]:
+def _read_truth(path: Path) -> NDArray[np.float32]:
+    """Read the disparities of a view, which are infinite where they are not known."""
+    disparity = read_pfm(path)
+    if np.isnan(disparity).any():
+        raise DatasetInvalid("sample", f"{path} must hold numbers, or inf where there is no truth", "nan")
+    require_within_frame(path, disparity)
     return np.where(np.isfinite(disparity) & (disparity > 0), disparity, np.float32(np.nan)).astype(np.float32)
 
 
@@ -71,7 +79,11 @@ def _calibration(path: Path) -> dict[str, float]:
     try:
         lines = dict(line.split("=", 1) for line in read_text(path, "sample").splitlines() if "=" in line)
         focal = float(lines["cam0"].strip().lstrip("[").split()[0])
-        return {"focal": focal, "baseline": float(lines["baseline"]), "doffs": float(lines["doffs"])}
+        return {
+            "focal": positive(path, "focal length", focal),
+            "baseline": positive(path, "baseline", float(lines["baseline"])),
+            "doffs": finite(path, "doffs", float(lines["doffs"])),
+        }
     except DatasetInvalid:
         raise
     except (ValueError, KeyError, IndexError) as error:

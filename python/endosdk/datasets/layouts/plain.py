@@ -10,15 +10,14 @@ import math
 from pathlib import Path
 
 from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_gray
-from endosdk.datasets.layouts.public import PublicReader
-from endosdk.errors import DatasetInvalid
+from endosdk.datasets.layouts.public import PublicReader, require_size
 
 
 class PlainReader(PublicReader):
-    """Every such folder below the root; focal length and baseline of its samples are NaN."""
+    """Every such folder below the root, in either split; focal length and baseline of its samples are NaN."""
 
     layout = "plain"
-    splits = ("test",)
+    splits = ("train", "test")
     default_split = "test"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
@@ -35,8 +34,8 @@ class PlainReader(PublicReader):
         left, right, truth, mask = files
         disparity = read_disparity(truth)
         seen = read_gray(mask) > 0 if mask.exists() else None
-        if seen is not None and seen.shape != disparity.shape:
-            raise DatasetInvalid("sample", f"{mask} must be as large as the truth {disparity.shape}", seen.shape)
+        if seen is not None:
+            require_size(mask, seen, disparity)
         return Sample(
             id=sample_id,
             left=read_colours(left),

@@ -1,12 +1,16 @@
-"""What the readers of public data sets share: a list of samples found on disk, and a hash over their files."""
+"""What the readers of public data sets share: a list of samples found on disk, a hash over their files, and checks."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from abc import abstractmethod
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from endosdk.datasets.dataset import SPLITS, DatasetReader, Sample
 from endosdk.errors import DatasetInvalid, InvalidArgument
@@ -60,3 +64,30 @@ class PublicReader(DatasetReader):
         for path in sorted({path for files in self._files.values() for path in files if path.exists()}):
             total.update(f"{path.relative_to(self.root)}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
         return total.hexdigest()
+
+
+def require_size(path: Path, found: NDArray[Any], truth: NDArray[np.float32]) -> None:
+    """Raise DatasetInvalid unless what a file holds is as large as the truth."""
+    if found.shape[:2] != truth.shape:
+        raise DatasetInvalid("sample", f"{path} must be as large as the truth {truth.shape}", found.shape[:2])
+
+
+def require_within_frame(path: Path, truth: NDArray[np.float32]) -> None:
+    """Raise DatasetInvalid where the truth of a file leads further than the frame is wide."""
+    largest = float(np.max(truth, initial=0.0, where=np.isfinite(truth)))
+    if largest > truth.shape[1]:
+        raise DatasetInvalid("sample", f"{path} must hold at most the frame's width, {truth.shape[1]} px", largest)
+
+
+def positive(path: Path, name: str, value: float) -> float:
+    """Return a number of a calibration. Raises DatasetInvalid unless it is finite and above 0."""
+    if not 0 < value < math.inf:
+        raise DatasetInvalid("sample", f"the {name} of {path} must be finite and above 0", value)
+    return value
+
+
+def finite(path: Path, name: str, value: float) -> float:
+    """Return a number of a calibration. Raises DatasetInvalid unless it is finite."""
+    if not math.isfinite(value):
+        raise DatasetInvalid("sample", f"the {name} of {path} must be finite", value)
+    return value

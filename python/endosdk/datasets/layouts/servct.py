@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_json
-from endosdk.datasets.layouts.public import PublicReader
+from endosdk.datasets.layouts.public import PublicReader, finite, positive, require_size, require_within_frame
 from endosdk.errors import DatasetInvalid
 
 _REFERENCES = ("Reference_CT", "Ground_truth_CT")  # the name differs between releases
@@ -47,10 +47,14 @@ class ServCtReader(PublicReader):
         """Read views, truth, the coloured occlusion picture and the calibration."""
         left, right, truth, occlusion, calibration = files
         first, second = _projections(calibration)
+        focal = positive(calibration, "focal length", float(first[0, 0]))
         disparity = read_disparity(truth)
+        require_within_frame(truth, disparity)
         hidden = None
         if occlusion.exists():
-            red, green, blue = (read_colours(occlusion)[..., channel] > 127 for channel in range(3))
+            colours = read_colours(occlusion)
+            require_size(occlusion, colours, disparity)
+            red, green, blue = (colours[..., channel] > 127 for channel in range(3))
             # Red: only the left view sees it. Yellow: outside the overlap. Blue: outside the scan.
             hidden = red & ~blue
             disparity = np.where(blue & ~red & ~green, np.float32(np.nan), disparity)
@@ -61,9 +65,9 @@ class ServCtReader(PublicReader):
             disparity=disparity,
             disparity_right=None,
             occlusion=hidden,
-            focal_px=float(first[0, 0]),
-            baseline_mm=float((first[0, 3] - second[0, 3]) / first[0, 0]),
-            doffs=float(second[0, 2] - first[0, 2]),
+            focal_px=focal,
+            baseline_mm=positive(calibration, "baseline", (float(first[0, 3]) - float(second[0, 3])) / focal),
+            doffs=finite(calibration, "offset of the principal points", float(second[0, 2]) - float(first[0, 2])),
             info={"layout": self.layout},
         )
 

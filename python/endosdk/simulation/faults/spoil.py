@@ -99,20 +99,27 @@ def spoil(sample: Sample, faults: Faults, seed: tuple[int, ...]) -> Sample:
     if faults.rows is not None and right_truth is not None:
         right_truth = move_truth(right_truth, faults.rows)
     factor = dimming(views[0], faults.processor.level)
-    pictures, kept = [], []
+    pictures, kept, shown = [], [], []
     for eye, known in enumerate((truth[0], right_truth)):
         rng = np.random.default_rng((*seed, 1, eye))
         picture, seen = _on_the_chip(views[eye], eye, faults, factor, rng)
         pictures.append(picture)
+        shown.append(seen)
         kept.append(None if known is None else np.where(seen, known, np.float32(np.nan)).astype(np.float32))
     assert kept[0] is not None
+    if kept[1] is not None:
+        occlusion = _occlusion(kept[0], kept[1], faults)
+    elif sample.occlusion is not None:
+        occlusion = sample.occlusion | ~shown[0] | _match_hidden(truth[0], shown[1], faults)
+    else:
+        occlusion = None
     return replace(
         sample,
         left=pictures[0],
         right=pictures[1],
         disparity=kept[0],
         disparity_right=kept[1],
-        occlusion=None if kept[1] is None else _occlusion(kept[0], kept[1], faults),
+        occlusion=occlusion,
         info={**sample.info, "faults": faults.described()},
     )
 
@@ -150,6 +157,19 @@ def _on_the_chip(
         if eye in label.eyes:
             seen &= ~write_label(view, label)
     return process(view, faults.processor), seen
+
+
+def _match_hidden(left: Array, shown: np.ndarray, faults: Faults) -> np.ndarray:
+    """Return which points [H,W] of the left view have their match where the right one does not show the scene."""
+    lines, columns = np.indices(left.shape)
+    match = np.rint(columns - left)
+    inside = (match >= 0) & (match < left.shape[1])
+    match = np.where(inside, match, 0).astype(np.int64)
+    if faults.rows is not None:
+        down = np.rint(faults.rows.field((left.shape[0], left.shape[1]))[lines, match]).astype(np.int64)
+        lines = lines + down
+    in_frame = (lines >= 0) & (lines < left.shape[0])
+    return np.asarray(inside & ~(in_frame & shown[np.where(in_frame, lines, 0), match]))
 
 
 def _occlusion(left: Array, right: Array, faults: Faults) -> np.ndarray:

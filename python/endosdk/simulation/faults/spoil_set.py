@@ -7,20 +7,34 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, write_dataset_record, write_sample
+from endosdk.datasets.dataset import (
+    FORMAT_VERSION,
+    SPLITS,
+    Sample,
+    read_sample_record,
+    write_dataset_record,
+    write_sample,
+)
 from endosdk.datasets.layouts import open_dataset
-from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.io.progress import progress as progress_bar
 from endosdk.simulation.faults.spoil import draw_faults, spoil
+from endosdk.simulation.recipe import check_seed
 
 
 def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = True) -> dict[str, Any]:
     """Write the spoiled pairs of the set at ``source`` into the new folder ``root``; return their record.
 
-    A pair's faults follow from ``seed`` and its id. Raises InvalidArgument where ``root`` holds anything,
-    DatasetInvalid where the source is not a complete set, StorageFailed where the new one cannot be written.
+    A pair's faults follow from ``seed`` and its id. Raises InvalidArgument where ``root`` holds anything, or for a seed
+    that no set may have, DatasetInvalid where the source is not a complete set or has faults already, StorageFailed
+    where the new one cannot be written.
     """
+    check_seed(seed)
     readers = {split: open_dataset(source, split) for split in SPLITS}
+    for split, reader in readers.items():
+        for folder in (reader.root / split / sample_id for sample_id in reader.ids):
+            if "faults" in read_sample_record(folder).get("info", {}):
+                raise DatasetInvalid("spoil", "must be a set without image faults; this sample has some", folder)
     out = Path(root)
     try:
         out.mkdir(parents=True, exist_ok=True)
