@@ -181,3 +181,17 @@ def test_a_name_that_cannot_be_written_is_refused_before_the_work(
     for words in (board, ["calibrate", "refine", str(rig_file), nowhere[0]], ["calibrate", "convert", str(rig_file)]):
         assert main([*words, "--out", str(tmp_path / "rig.txt")]) == 2
         assert "out: must end in one of .json, .yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        (["--pattern", "100x100", "--square-mm", "3", "--charuco", "2"], "dictionary: must have 5100 markers"),
+        (["--pattern", "14x10", "--square-mm", "3000"], "square_mm: must give an image of at most 16384 px"),
+    ],
+)
+def test_a_board_that_cannot_be_drawn_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], rule: str
+) -> None:
+    assert main(["calibrate", "print", *words, "--out", str(tmp_path / "board.png")]) == 2
+    assert rule in capsys.readouterr().err

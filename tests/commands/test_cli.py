@@ -142,3 +142,19 @@ def test_installed_entry_point_runs():
         text=True,
     )
     assert __version__ in done.stdout
+
+
+def test_output_that_cannot_be_written_is_one_line_and_status_2():
+    program = "import sys; from endosdk.commands.cli import main; sys.exit(main(['doctor', '--json']))"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "endosdk doctor: output: must be writable; got No space left on device [STORAGE_FAILED]"
+    ]
+
+
+def test_closed_output_is_no_error():
+    program = "import sys; from endosdk.commands.cli import main; sys.exit(main(['doctor']))"
+    done = subprocess.run(["sh", "-c", '"$0" -c "$1" >&-', sys.executable, program], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -19,7 +19,7 @@ import endosdk
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
-from endosdk.live.recording.record import record
+from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
 from endosdk.live.sources.source import Source
@@ -365,3 +365,9 @@ def test_a_damaged_recording_is_refused(recorded, tmp_path):
     (tmp_path / "x.mcap").write_bytes(b"no bag")
     with pytest.raises(SourceFailed, match="bag that can be read"):
         endosdk.open_source(tmp_path / "x.mcap")
+
+
+@pytest.mark.parametrize("name", ["depth.mp4", "depth.AVI", "depth.webm"])
+def test_a_name_of_a_video_is_no_folder(tmp_path, name):
+    with pytest.raises(InvalidArgument, match=r"out: must be a folder, or end in one of \.mkv"):
+        check_out(tmp_path / name)

@@ -289,3 +289,8 @@ def test_the_frames_of_a_source_are_rgb_whatever_the_estimator_is_given_else():
     np.testing.assert_array_equal(found.disparity, wanted.disparity)
     swapped = DepthEstimator(TINY_MODEL, channel_order="bgr").predict(left, right)
     assert not np.array_equal(swapped.disparity, wanted.disparity)
+
+
+def test_a_function_ends_with_the_iterator_that_it_draws_from():
+    drawn = iter(pairs(3))
+    assert len(list(DepthEstimator(TINY_MODEL).stream(lambda: next(drawn)))) == 3

@@ -7,6 +7,8 @@ import zlib
 from pathlib import Path
 
 from endosdk.calibration.boards import Board
+from endosdk.errors import InvalidArgument
+from endosdk.io.picture_bytes import LONGEST_SIDE
 from endosdk.io.whole_files import whole_file
 
 PIXELS_PER_MM = 12  # about 300 per inch
@@ -21,6 +23,10 @@ def print_board(path: Path, board: Board) -> tuple[float, float]:
     import cv2
 
     side = max(1, round(board.square_mm * PIXELS_PER_MM))  # a square is a whole number of pixels
+    longest = (max(board.pattern) + 3) * side
+    if longest > LONGEST_SIDE:
+        rule = f"must give an image of at most {LONGEST_SIDE} px a side, at {PIXELS_PER_MM} px a millimetre"
+        raise InvalidArgument("square_mm", rule, f"{board.square_mm:g}: {longest} px")
     picture = board.picture(side / board.square_mm)
     png = cv2.imencode(".png", picture)[1].tobytes()
     per_metre = round(1000 * side / board.square_mm)

@@ -70,6 +70,11 @@ class Board:
 
         words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{self.dictionary}"))
         columns, rows = (n + 1 for n in self.pattern)
+        needed, there = columns * rows // 2, len(words.bytesList)
+        if needed > there:
+            raise InvalidArgument(
+                "dictionary", f"must have {needed} markers for this board", f"{self.dictionary}: {there}"
+            )
         return cv2.aruco.CharucoBoard((columns, rows), self.square_mm, marker_mm, words)
 
     def _refined(self, gray: Picture, corners: npt.NDArray[np.float32]) -> Points:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import json
 import os
@@ -13,7 +14,7 @@ from typing import Any
 from endosdk import __version__
 from endosdk.commands.interrupts import interrupts_heard
 from endosdk.commands.options import Parser, sentence
-from endosdk.errors import DependencyMissing, EndoError
+from endosdk.errors import DependencyMissing, EndoError, StorageFailed
 
 VERBS = {
     "predict": "compute disparity and depth of one stereo pair and save them as files",
@@ -68,7 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with interrupts_heard():
             status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
-        sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
+        if sys.stdout is not None:  # None where the caller closed it
+            sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
         return status
     except EndoError as error:
         return _refuse(options, error)
@@ -81,9 +83,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"endosdk {options.verb}: {interrupt.args[0] if interrupt.args else 'interrupted'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # Whoever read our output has enough. What is still in the buffer goes nowhere when the interpreter ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()  # whoever read it has enough
         return 141
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        _drop_output()
+        return _refuse(options, StorageFailed("output", "must be writable", error.strerror))
+
+
+def _drop_output() -> None:
+    """Let what is still in the buffer go nowhere when the interpreter ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def bench() -> int:

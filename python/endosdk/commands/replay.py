@@ -29,9 +29,10 @@ def run(args: argparse.Namespace) -> int:
     """Write the files."""
     from endosdk.errors import InvalidArgument
     from endosdk.io.bounded_read import is_there
-    from endosdk.live.recording.record import FILES, export
+    from endosdk.live.recording.record import FILES, check_out, export
     from endosdk.live.recording.recording import Recording
 
+    check_out(args.out)
     if is_there(args.out):
         raise InvalidArgument("out", "must not exist yet", args.out)
     recording = Recording(args.recording)

@@ -7,6 +7,7 @@ import threading
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any, Protocol, runtime_checkable
 
 from endosdk import _core
@@ -152,10 +153,11 @@ def _checked(item: Any, channel_order: str) -> Drawn:
 
 
 def drawn_from(function: Callable[[], Any]) -> Iterator[Any]:
-    """Yield what a function returns until it returns None."""
+    """Yield what a function returns until it returns None, or until an iterator that it draws from ends."""
     # Not iter(function, None), which would compare what the function returns, an array perhaps, with None.
-    while (pair := function()) is not None:
-        yield pair
+    with suppress(StopIteration):
+        while (pair := function()) is not None:
+            yield pair
 
 
 @atexit.register

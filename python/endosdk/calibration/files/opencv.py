@@ -24,12 +24,14 @@ from endosdk.io.documents import parse_json, parse_opencv_xml, parse_yaml
 SPELLINGS: dict[str, tuple[str, ...]] = {
     name: tuple(spellings.split())
     for name, spellings in {
-        "left_matrix": "k1 m1 cameramatrix1 cameramatrixleft leftcameramatrix cameramatrixl kleft kl",
-        "right_matrix": "k2 m2 cameramatrix2 cameramatrixright rightcameramatrix cameramatrixr kright kr",
+        "left_matrix": "k1 m1 cameramatrix1 cameramatrixleft leftcameramatrix cameramatrixl kleft kl "
+        "leftmatrix mtxl mtx1",
+        "right_matrix": "k2 m2 cameramatrix2 cameramatrixright rightcameramatrix cameramatrixr kright kr "
+        "rightmatrix mtxr mtx2",
         "left_distortion": "d1 distcoeffs1 distcoefs1 dist1 distortion1 distortioncoefficients1 "
-        "distcoeffsleft leftdistcoeffs distcoeffsl distleft dleft dl",
+        "distcoeffsleft leftdistcoeffs distcoeffsl distleft dleft dl leftdistortion distl",
         "right_distortion": "d2 distcoeffs2 distcoefs2 dist2 distortion2 distortioncoefficients2 "
-        "distcoeffsright rightdistcoeffs distcoeffsr distright dright dr",
+        "distcoeffsright rightdistcoeffs distcoeffsr distright dright dr rightdistortion distr",
         "rotation": "r rotation rotationmatrix rmatrix",
         "translation": "t translation translationvector tvec tvector",
         "size": "imagesize imgsize size resolution calibrationimagesize",
@@ -70,7 +72,8 @@ def read(paths: tuple[Path, ...]) -> RawCalibration:
     missing = [f"{name} ({SPELLINGS[name][0].upper()})" for name in SHAPES if name not in found]
     if missing:
         source = " + ".join(path.name for path in paths)
-        raise CalibrationUnreadable(source, f"must hold {', '.join(missing)}", f"fields {sorted(found)}")
+        keys = sorted(key for path in paths for key in _content(path))
+        raise CalibrationUnreadable(source, f"must hold {', '.join(missing)}", f"fields {keys}")
     numbers = {name: found[name] for name in SHAPES}
     return RawCalibration(
         **numbers,

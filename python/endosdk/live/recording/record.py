@@ -21,6 +21,13 @@ from endosdk.runtime.estimator import DepthEstimator
 
 UNFINISHED = ".unfinished"  # added to a file's name: the folder that it is made of
 FILES = (".mkv", ".mcap", ".bag", ".ros2")  # a ROS 2 bag is a folder, made in one piece like the files
+NO_FILES = (".mp4", ".avi", ".mov", ".webm", ".m4v")
+
+
+def check_out(out: Path) -> None:
+    """Refuse the name of a video that would become a folder. Raises InvalidArgument."""
+    if out.suffix.lower() in NO_FILES:
+        raise InvalidArgument("out", f"must be a folder, or end in one of {', '.join(FILES)}", out)
 
 
 def record(
@@ -41,6 +48,7 @@ def record(
     """
     if most is not None and most < 1:
         raise InvalidArgument("frames", "must be at least 1", most)
+    check_out(out)
     is_file = out.suffix.lower() in FILES
     if is_file and is_there(out):
         raise InvalidArgument("out", "must not exist yet", out)
