@@ -17,6 +17,8 @@ SPELLINGS = {
     "K1 D1": ("K1", "D1", "K2", "D2", "R", "T"),
     "M1 D1": ("M1", "D1", "M2", "D2", "R", "T"),
     "cameraMatrix1": ("cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2", "R", "T"),
+    "mtxL distL": ("mtxL", "distL", "mtxR", "distR", "R", "T"),
+    "left_distortion": ("left_camera_matrix", "left_distortion", "right_camera_matrix", "right_distortion", "R", "T"),
     "camera_matrix_left": (
         *("camera_matrix_left", "dist_coeffs_left", "camera_matrix_right", "dist_coeffs_right"),
         *("rotation_matrix", "translation_vector"),

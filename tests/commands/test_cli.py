@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -146,12 +147,10 @@ def test_installed_entry_point_runs():
 
 def test_output_that_cannot_be_written_is_one_line_and_status_2():
     program = "import sys; from endosdk.commands.cli import main; sys.exit(main(['doctor', '--json']))"
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         done = subprocess.run([sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2
-    assert done.stderr.splitlines() == [
-        "endosdk doctor: output: must be writable; got No space left on device [STORAGE_FAILED]"
-    ]
+    assert done.stderr == "endosdk doctor: output: must be writable; got No space left on device [STORAGE_FAILED]\n"
 
 
 def test_closed_output_is_no_error():
