@@ -51,7 +51,7 @@ def wider_margin():
         half, whole = ({one["margin_px"]: one for one in model["margins"]}[margin] for margin in (0.5, 1.0))
         gains.append(100 * (whole["marked_of_surfaces_beyond"] - half["marked_of_surfaces_beyond"]))
         losses.append(whole["marked_of_right_answers"] / half["marked_of_right_answers"])
-    return f"{min(gains):.0f}", f"{max(gains):.0f}", f"{max(losses):.1f}"
+    return f"{min(gains):.1f}", f"{max(gains):.1f}", f"{max(losses):.1f}"
 
 
 def valid_of_real_pairs():
