@@ -217,8 +217,7 @@ void ResultWriter::write_failure() {
 
 // Nothing may be written to the maps: they may lie in each other, or in the pictures.
 void ResultWriter::give_up(bool alone) {
-  if (alone) write({});
-  let_go();
+  alone ? write({}) : let_go();
 }
 
 void ResultWriter::store() {

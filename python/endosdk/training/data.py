@@ -20,7 +20,7 @@ from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
 from endosdk.training.frame_size import seen_size, seen_truth, seen_views
 
 TRUTH_SCALE = 256.0  # disparity is cached in 1/256 px, as it is on disk
-LARGEST_PACKED = 65535
+LARGEST_PACKED = int(np.iinfo(np.uint16).max)
 
 
 @dataclass(frozen=True)
