@@ -31,6 +31,7 @@ add_library(
   src/library/ort_session.cpp
   src/library/results_in_flight.cpp
   src/library/runtime.cpp
+  src/library/runtime_table.cpp
   src/library/session_interface.cpp
   src/library/session_threads.cpp
   src/library/signature.cpp

@@ -30,7 +30,7 @@ def test_the_first_stage_searches_the_whole_range_on_a_smaller_picture():
     assert network.max_candidate_disparity == 117  # the last plane, 88 px there, lies at 117.3
     left, right = views(64, 128)
     seen = []
-    network.first.register_forward_hook(lambda _, inputs, found: seen.append(inputs))
+    network.first.pixels.register_forward_hook(lambda _, inputs, found: seen.append(inputs))
     with torch.no_grad():
         shaken(network)(left, right)
     ((*smaller,),) = seen
@@ -44,7 +44,8 @@ def test_the_first_stage_searches_the_whole_range_on_a_smaller_picture():
 def test_disparities_of_the_first_stage_are_in_pixels_of_the_frame():
     network = cascade().eval()
     smooth = torch.full((2, 1, 24, 48), 30.0)
-    network.first.register_forward_hook(lambda _, inputs, found: found._replace(disparities=[smooth]))
+    refine = network.first.refine
+    network.first.refine = lambda coarse: refine(coarse)._replace(disparities=[smooth])
     start = torch.tensor([0.0, -50.0, -50.0, -50.0]).repeat_interleave(4)
     with torch.no_grad():
         network.earlier.last.bias.copy_(start)
@@ -56,10 +57,14 @@ def test_the_second_look_starts_from_the_answer_to_the_first():
     start = torch.tensor([0.0, -50.0, -50.0, -50.0]).repeat_interleave(4)  # adds nothing to what was found
     found = []
 
-    def keep(_, inputs, prediction):
-        found.append(resized(prediction.disparities[-1], (16, 32)) * (4 / 3))
+    refine = network.first.refine
 
-    network.first.register_forward_hook(keep)
+    def keep(coarse):
+        prediction = refine(coarse)
+        found.append(resized(prediction.disparities[-1], (16, 32)) * (4 / 3))
+        return prediction
+
+    network.first.refine = keep
     with torch.no_grad():
         for nearer in (0.0, 8.0):
             network.earlier.last.bias.copy_(start + torch.tensor([nearer, 0.0, 0.0, 0.0]).repeat_interleave(4))
@@ -138,7 +143,7 @@ def test_both_stages_run_in_integers(exported, tmp_path):
     wide = [node for node in graph.node if node.op_type == "Conv" and node.input[1] in weights]
     floats = [conv for conv in wide if weights[conv.input[1]].dims[0] >= 16]
     # As in `Fast`, one layer of each refinement reads disparities beside what was seen at them.
-    assert [makers[conv.input[0]].op_type for conv in floats] == ["Concat"] * 3
+    assert [makers[conv.input[0]].op_type for conv in floats] == ["CompareViews"] * 3
 
 
 @pytest.mark.parametrize("value", [0, -64, 144])

@@ -16,7 +16,7 @@ from endosdk.training.networks.cost_volume import (
     soft_argmin_of_planes,
 )
 from endosdk.training.networks.fast import DifferenceVolume
-from endosdk.training.networks.fast_export import ByteRows, PairedVolume, over_byte_rows
+from endosdk.training.networks.fast_export import PairedVolume, ReadViews, Rows, over_rows
 from endosdk.training.networks.photometric import LIKELY_STEP
 from endosdk.training.networks.wang2020_export import PlaneAggregation, in_blocks
 from tests.training.exported_networks import shaken
@@ -276,8 +276,8 @@ def test_soft_argmin_is_the_same_in_both_orders(planes, reach):
 
 def test_a_stem_over_bytes_is_the_stem_over_pixels():
     views = torch.randint(0, 256, (2, 3, 8, 12), dtype=torch.uint8, generator=torch.Generator().manual_seed(5))
-    rows, bright = ByteRows(4)(views)
+    rows, bright = Rows(ReadViews(4))(*views.chunk(2))
     assert rows.shape == (2, 12, 8, 3)
     conv = nn.Conv2d(3, 5, 4, stride=4)
-    torch.testing.assert_close(over_byte_rows(conv)(rows), conv(views.float()), atol=1e-3, rtol=0)
+    torch.testing.assert_close(over_rows(conv)(rows), conv(views.float()), atol=1e-3, rtol=0)
     torch.testing.assert_close(bright[0, 0, 1], views[0, :, 2:4].float().mean(dim=(0, 1)) / 64)

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "functions/custom_ops.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -188,6 +190,7 @@ void OrtStereoSession::open() {
   check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
   if (may_be_slow) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
   if (sides_) add_provider(options.get());
+  if (facts_.provider == cpu_provider) check(static_cast<OrtStatus*>(add_functions(&api, options.get())));
   threads_ = std::make_unique<SessionThreads>(threads - 1, settings_.thread_hook);  // the caller works, too
   threads_->offer(*runtime_, options.get());
   log_.start_reading();

@@ -133,6 +133,8 @@ class StereoSession:
         _core.check_weights_are_inside(model.data, model.origin)
         options = _session_options(self._runtime, self._threads, spinning)
         self._is_reader = self.copies_inputs
+        if not self.copies_inputs:
+            compute_functions(options)
         self._running = threading.Lock()
         if self._is_reader:
             options.intra_op_num_threads = 1
@@ -339,6 +341,11 @@ def _session_options(runtime: Any, threads: int, spinning: bool) -> Any:
     # Waiting threads must not burn the cores that rectification and post-processing need between two runs.
     options.add_session_config_entry("session.force_spinning_stop", "1")
     return options
+
+
+def compute_functions(options: Any) -> None:
+    """Let sessions with these options, on the processor, compute the functions of model files by our own loops."""
+    options.register_custom_ops_library(_core.__file__)
 
 
 def _check_interface(session: Any) -> None:

@@ -19,6 +19,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.training.model_file import write_model
 from endosdk.training.networks.base import Deployed, StereoNetwork
+from endosdk.training.outline import outline_functions
 
 FORMAT_VERSION = "1"
 OPSET = 18  # the one that torch's exporter writes without conversion; every runtime we support reads it
@@ -54,6 +55,7 @@ def export_model(network: StereoNetwork, path: Path, info: ModelDescription, *, 
     deployed = Deployed(network.export_form()).eval()
     model = _to_onnx(deployed, size_step)
     _strip(model)
+    outline_functions(model)
     _name_sizes(model, deployed.network.deployed_stride)
     onnx.helper.set_model_props(model, _metadata(deployed, info))
     onnx.checker.check_model(model, full_check=True)

@@ -171,10 +171,8 @@ def _weight_steps(graph: onnx.GraphProto, nodes: Sequence[str]) -> dict[str, lis
 def _sources(name: str, makers: Names) -> set[str | None]:
     """Name the nodes that compute a value, before it is moved; None stands for the pictures, which are bytes."""
     node = makers.get(name)
-    if node is None or node.op_type == "Cast":
+    if node is None or node.op_type in ("Cast", "ReadSmaller"):  # means of bytes are as large as bytes
         return {None}
-    if node.op_type == "Resize" and _sources(node.input[0], makers) == {None}:
-        return {None}  # means of bytes are as large as bytes
     if node.op_type not in MOVES:
         return {node.name}
     inputs = node.input if node.op_type == "Concat" else node.input[:1]

@@ -10,7 +10,6 @@ so twice the width costs a constant, whatever the range.
 from __future__ import annotations
 
 import copy
-from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -25,43 +24,35 @@ from endosdk.training.networks.blocks import (
     fold_colour_scaling,
     scaled_colours,
 )
-from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.fast import (
+from endosdk.training.networks.comparison import (
     CELL,
-    CLUES,
     DISPARITY_HINT,
-    EVIDENCE,
     FINE,
     HINTS,
-    LARGE,
-    ROUGH_SLOPE,
-    SMALL,
-    START,
     STRIDE,
+    ChooseSurface,
+    CompareViews,
+)
+from endosdk.training.networks.confidence import ConfidenceHead
+from endosdk.training.networks.fast import (
+    CLUES,
+    EVIDENCE,
+    ROUGH_SLOPE,
+    START,
     WIDE_UNIT,
     Fast,
     Refinement,
     Shape,
     clues_of,
     log_largest,
-    surface_hints,
-    surfaces_around,
-    unshuffled,
 )
-from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, over_byte_rows
-from endosdk.training.networks.photometric import brightness, moments, step
+from endosdk.training.networks.fast_export import CorrectionApart, ReadViews, Rows, for_layers, over_rows, rows_of
+from endosdk.training.networks.functions import as_function
+from endosdk.training.networks.photometric import brightness
 
 FIRST = "first."  # prefix of the names of the first stage's weights
 SEEN, WHOLE = 3, 4  # the first stage sees so many pixels where the frame has so many, along each axis
 RANGE_STEP = 64  # px; SEEN / WHOLE of it holds whole pairs of wide planes
-
-
-class Look(NamedTuple):
-    """What the views say at a disparity, on the coarse grid."""
-
-    hints: Tensor  # [N, HINTS, h, w]
-    steps: Tensor  # [N, FINE^2 + 2, h, w], px: what the pictures ask for, the nearest and the farthest surface around
-    spread: Tensor  # [N, 2, h, w], as `photometric.Step`
 
 
 class Cascade(StereoNetwork):
@@ -83,7 +74,6 @@ class Cascade(StereoNetwork):
         as `Fast`, and taken over (`adapted`).
         """
         super().__init__()
-        self.hint_unit = 1.0  # cells; of the disparity that the refinement is given
         self.max_disparity = check_max_disparity(max_disparity, RANGE_STEP)
         if dense_disparity is not None and (dense_disparity % RANGE_STEP or not 0 < dense_disparity <= max_disparity):
             # Here and not by `Fast`, which would name the numbers that it was given.
@@ -96,8 +86,11 @@ class Cascade(StereoNetwork):
         )
         shape = Shape()
         self.pixels = Colours()
+        self.smaller = Smaller(self.first.pixels)
         self.stem = ConvNorm(3, shape.stem, kernel=CELL, stride=CELL, padding=(0, 0), slope=ROUGH_SLOPE)
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
+        self.compare = CompareViews()
+        self.choose = ChooseSurface()
         self.earlier = Refinement(shape, HINTS, START)  # whose answer the refinement looks at anew
         self.refinement = Refinement(shape, HINTS, START)
         self.refine_margin = shape.refine_margin(self.input_multiple)
@@ -124,56 +117,30 @@ class Cascade(StereoNetwork):
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Let the first stage answer on smaller views, answer that anew, and compare the views at that answer."""
-        pairs, _, height, width = left.shape
-        views = torch.cat([left, right])
-        values, bright = self.pixels(left, views)
-        cells = height // CELL, width // CELL
+        cells = left.shape[2] // CELL, left.shape[3] // CELL
+        values, bright = self.pixels(left, right)
         with torch.no_grad():
-            small = resized(views.to(torch.float32), (height * SEEN // WHOLE, width * SEEN // WHOLE))
-            found = self.first(small[:pairs], small[pairs:])
+            found = self.first.refine(self.first.match(*self.smaller(left, right)))
             disparity = resized(found.disparities[-1].to(torch.float32), cells) * (WHOLE / SEEN)
             doubt = self.first.log_scale(found)
         evidence = F.interpolate(torch.cat([found.evidence, doubt], dim=1), cells, mode="nearest")
         context = self.features(self.stem(values))
-        seen = self._look(bright[:pairs], bright[pairs:], disparity)
-        answer, _ = self._choose(self.earlier(context, seen.hints), disparity, seen.steps)
+        hints, steps, _ = self.compare(bright, disparity)
+        answer, _, _ = self.choose(*self.earlier(context, hints), disparity, steps)
         before, disparity = disparity, F.avg_pool2d(answer, FINE)
-        seen = self._look(bright[:pairs], bright[pairs:], disparity.detach())
-        evidence = torch.cat([evidence, seen.spread, log_largest(disparity - before)], dim=1)
-        return Coarse(disparity, evidence, context, seen.hints, seen.steps)
+        hints, steps, spread = self.compare(bright, disparity.detach())
+        evidence = torch.cat([evidence, spread, log_largest(disparity - before)], dim=1)
+        return Coarse(disparity, evidence, context, hints, steps)
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Choose between the surface found, the nearest and the farthest around, and add what the pictures ask for."""
         assert coarse.hints is not None and coarse.step is not None
-        answer, correction = self._choose(self.refinement(coarse.context, coarse.hints), coarse.disparity, coarse.step)
-        rough = self.on_answer_grid(coarse.disparity)
+        correction, others = self.refinement(coarse.context, coarse.hints)
+        answer, _, rough = self.choose(correction, others, coarse.disparity, coarse.step)
         # On the coarse grid, like all other evidence.
-        doubts = [log_largest(F.max_pool2d(change.abs(), FINE)) for change in (correction, answer - rough)]
+        doubts = [log_largest(correction), log_largest(F.max_pool2d((answer - rough).abs(), FINE))]
         evidence = torch.cat([coarse.evidence, *doubts], dim=1)
         return Prediction([rough, answer], evidence, clues=clues_of(coarse.hints, coarse.disparity))
-
-    def _look(self, left: Tensor, right: Tensor, disparity: Tensor) -> Look:
-        """Compare the brightness of both views at a disparity [N, 1, h, w], px, and at its neighbours'."""
-        compared = moments(left, right, disparity, STRIDE)
-        cells = F.avg_pool2d(compared, FINE)
-        fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
-        shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
-        hints = [shuffled, small.step, small.texture, large.step, disparity / (CELL * self.hint_unit)]
-        surfaces = surfaces_around(disparity)
-        for other in surfaces:
-            hints += surface_hints(left, right, other, disparity)
-        steps = torch.cat([shuffled[:, : FINE**2], *surfaces], dim=1)
-        return Look(torch.cat(hints, dim=1), steps, small.spread)
-
-    def _choose(self, outputs: tuple[Tensor, ...], disparity: Tensor, steps: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the answer, and the part of it that is neither a surface nor a step, on the grid of the answer."""
-        step_wanted, near, far = torch.split(steps, [FINE**2, 1, 1], dim=1)
-        correction, belief, to_near, to_far = (F.pixel_shuffle(part, FINE) for part in outputs)
-        rough = self.on_answer_grid(disparity)
-        near, far = (F.interpolate(part, scale_factor=float(FINE), mode="nearest") for part in (near, far))
-        change = correction + torch.sigmoid(belief) * F.pixel_shuffle(step_wanted, FINE)
-        change = change + torch.sigmoid(to_near) * (near - rough) + torch.sigmoid(to_far) * (far - rough)
-        return torch.relu(rough + change), correction
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layers on."""
@@ -183,16 +150,19 @@ class Cascade(StereoNetwork):
             fold_batch_norm(part)
         stem = form.stem
         fold_colour_scaling(stem.conv)
-        form.pixels = ByteColours()  # type: ignore[assignment]
-        form.stem = nn.Sequential(over_byte_rows(stem.conv), stem.activation)  # type: ignore[assignment]
+        form.pixels = LeftRows(ReadViews(CELL))  # type: ignore[assignment]
+        form.smaller = Rows(ReadSmaller(CELL))  # type: ignore[assignment]
+        form.stem = nn.Sequential(over_rows(stem.conv), stem.activation)  # type: ignore[assignment]
         form.reads_bytes = True
         # As in `Fast`: the disparity in a unit in which it is about as large as the other hints.
-        form.hint_unit = WIDE_UNIT
+        form.compare.unit *= WIDE_UNIT
         with torch.no_grad():
             for refinement in (form.earlier, form.refinement):
                 refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        form.compare = as_function(form.compare)  # type: ignore[assignment]
         form.earlier = CorrectionApart(form.earlier, FINE**2)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
+        form.choose = as_function(form.choose)  # type: ignore[assignment]
         return form
 
 
@@ -204,15 +174,47 @@ def resized(values: Tensor, size: tuple[int, int]) -> Tensor:
 class Colours(nn.Module):
     """What the second stage sees of the views."""
 
-    def forward(self, left: Tensor, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Map the left view [N, 3, H, W] and both [2N, 3, H, W], 0..255, to scaled colours and brightness of both."""
-        return scaled_colours(left), brightness(views)
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map views [N, 3, H, W], 0..255, to scaled colours of the left one and the brightness of both."""
+        return scaled_colours(left), brightness(torch.cat([left, right]))
 
 
-class ByteColours(nn.Module):
-    """The same for bytes, in the layout of `ByteRows`."""
+class Smaller(nn.Module):
+    """What the first stage sees of the views."""
 
-    def forward(self, left: Tensor, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Map uint8 views to float rows of the left one and the brightness of both."""
-        rows, _ = ByteRows(CELL)(left)
-        return rows, brightness(views.to(torch.float32))
+    def __init__(self, pixels: nn.Module) -> None:
+        super().__init__()
+        self.pixels = pixels
+
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map views [N, 3, H, W], 0..255, to what `Pixels` gives of smaller ones."""
+        seen: tuple[Tensor, Tensor] = self.pixels(*smaller_views(torch.cat([left, right])).chunk(2))
+        return seen
+
+
+class LeftRows(Rows):
+    """`Colours` of bytes, as rows."""
+
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map uint8 views [N, 3, H, W] to rows of the left one and the brightness of both."""
+        rows, bright = self.read(left, right)
+        return for_layers(rows[: left.shape[0]]), bright
+
+
+class ReadSmaller(nn.Module):
+    """`Smaller` of bytes, as rows."""
+
+    def __init__(self, cell: int) -> None:
+        super().__init__()
+        self.cell = cell
+
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map uint8 views [N, 3, H, W] to float rows of smaller ones, [2N, h, w/cell, 3 cell], and brightness."""
+        views = smaller_views(torch.cat([left, right]).to(torch.float32))
+        return rows_of(views, self.cell), brightness(views)
+
+
+def smaller_views(views: Tensor) -> Tensor:
+    """Bring views [N, 3, H, W] to the size that the first stage sees."""
+    height, width = views.shape[2:]
+    return resized(views, (height * SEEN // WHOLE, width * SEEN // WHOLE))

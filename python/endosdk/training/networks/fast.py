@@ -26,21 +26,31 @@ from endosdk.training.networks.blocks import (
     fold_colour_scaling,
     scaled_colours,
 )
+from endosdk.training.networks.comparison import (
+    CELL,
+    DISPARITY_HINT,
+    FINE,
+    HINTS,
+    STRIDE,
+    ChooseSurface,
+    CompareViews,
+    largest_around,
+)
 from endosdk.training.networks.confidence import ConfidenceHead
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, match_evidence, soft_argmin
-from endosdk.training.networks.fast_export import ByteRows, CorrectionApart, PairedLayers, PairedVolume, over_byte_rows
-from endosdk.training.networks.photometric import brightness, moments, step
+from endosdk.training.networks.fast_export import (
+    CorrectionApart,
+    PairedLayers,
+    PairedVolume,
+    ReadViews,
+    Rows,
+    over_rows,
+)
+from endosdk.training.networks.functions import as_function
+from endosdk.training.networks.photometric import brightness
 from endosdk.training.networks.surroundings import Surroundings
 
-CELL = 4  # input pixels per disparity plane, and per cell of the matching grid
-HALVED = 2  # cells of the matching grid per cell of the volume
-STRIDE = 2  # input pixels per cell of the answer
-FINE = CELL // STRIDE  # cells of the answer along one side of a cell of the matching grid
-SMALL, LARGE = 3, 7  # windows, in cells, within which the pictures are compared
-NEIGHBOURS = 5  # cells, along each axis, among which the nearest and the farthest surface are looked for
-DISPARITY_HINT = 3 * FINE**2 + 3  # which of the hints is the disparity
-HINTS = DISPARITY_HINT + 1 + 2 * 4  # channels that tell the refinement what the comparisons gave
-SURFACE_UNIT = 16.0  # px; in this unit differences of disparities are about as large as the other hints
+HALVED = 2  # cells of the matching grid, which are CELL px and as far apart as disparity planes, per cell of the volume
 # Of the correction, the belief in the step, and the gates to the nearest and the farthest surface around: it believes
 # the pictures, adds nothing, and hardly opens the gates.
 START = 0.0, 1.0, -3.0, -3.0
@@ -80,7 +90,6 @@ class Fast(StereoNetwork):
     plane_step = CELL
     inference_width = 480
     default_crop = (256, 384)  # of frames of 4:3, which it sees 360 px high
-    hint_unit = 1.0  # planes; of the disparity that the refinement is given
 
     def __init__(
         self,
@@ -106,7 +115,9 @@ class Fast(StereoNetwork):
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
         self.volume = DifferenceVolume(shape.stem, shape.volume, self.planes)
         self.aggregation = PlaneLayers(shape, self.planes, mode_reach)
+        self.compare = CompareViews()
         self.refinement = Refinement(shape, HINTS, START)
+        self.choose = ChooseSurface()
         self.refine_margin = shape.refine_margin(self.input_multiple)
         self.confidence = ConfidenceHead(channels=EVIDENCE, clues=CLUES)
 
@@ -135,37 +146,26 @@ class Fast(StereoNetwork):
 
     def coarse(self, left: Tensor, right: Tensor) -> Coarse:
         """Match at 1/8, give the answer at 1/4, and compare the pictures there."""
-        values, bright = self.pixels(torch.cat([left, right]))
+        return self.match(*self.pixels(left, right))
+
+    def match(self, values: Tensor, bright: Tensor) -> Coarse:
+        """Do the same from what `Pixels` gives, left views first."""
         views = self.features(self.stem(values))
-        pairs = left.shape[0]
+        pairs = bright.shape[0] // 2
         found, cost = self.aggregation(self.volume(views[:pairs], views[pairs:]), views[:pairs])
         disparity = found.disparity * CELL
-        compared = moments(bright[:pairs], bright[pairs:], disparity.detach(), STRIDE)
-        cells = F.avg_pool2d(compared, FINE)
-        fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
-        shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
-        hints = [shuffled, small.step, small.texture, large.step, found.disparity / self.hint_unit]
-        surfaces = surfaces_around(disparity.detach())
-        for other in surfaces:
-            hints += surface_hints(bright[:pairs], bright[pairs:], other, disparity)
-        evidence = torch.cat([match_evidence(found, CELL), small.spread], dim=1)
-        steps = torch.cat([shuffled[:, : FINE**2], *surfaces], dim=1)
-        return Coarse(disparity, evidence, views[:pairs], torch.cat(hints, dim=1), steps, cost)
+        hints, steps, spread = self.compare(bright, disparity)
+        evidence = torch.cat([match_evidence(found, CELL), spread], dim=1)
+        return Coarse(disparity, evidence, views[:pairs], hints, steps, cost)
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Take the step that the pictures ask for where it is to be believed, add what edges tell, and rectify."""
         assert coarse.hints is not None and coarse.step is not None
-        step_wanted, *surfaces = torch.split(coarse.step, [FINE**2, 1, 1], dim=1)
-        correction, belief, *gates = self.refinement(coarse.context, coarse.hints)
-        rough = self.on_answer_grid(coarse.disparity)
-        change = F.pixel_shuffle(correction + torch.sigmoid(belief) * step_wanted, FINE)
-        for gate, surface in zip(gates, surfaces, strict=True):
-            there = F.interpolate(surface, scale_factor=float(FINE), mode="nearest")
-            change = change + torch.sigmoid(F.pixel_shuffle(gate, FINE)) * (there - rough)
+        correction, others = self.refinement(coarse.context, coarse.hints)
+        answer, change, rough = self.choose(correction, others, coarse.disparity, coarse.step)
         clues = clues_of(coarse.hints, coarse.disparity)
         doubts = [log_largest(correction), log_largest(F.max_pool2d(change.abs(), FINE))]
-        maps = [rough, torch.relu(rough + change)]
-        return Prediction(maps, torch.cat([coarse.evidence, *doubts], dim=1), clues=clues)
+        return Prediction([rough, answer], torch.cat([coarse.evidence, *doubts], dim=1), clues=clues)
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
@@ -177,16 +177,18 @@ class Fast(StereoNetwork):
         fold_batch_norm(form)
         stem, volume, layers = form.stem, form.volume, form.aggregation
         fold_colour_scaling(stem.conv)
-        form.pixels = ByteRows(CELL)  # type: ignore[assignment]
-        form.stem = nn.Sequential(over_byte_rows(stem.conv), stem.activation)  # type: ignore[assignment]
+        form.pixels = Rows(ReadViews(CELL))  # type: ignore[assignment]
+        form.stem = nn.Sequential(over_rows(stem.conv), stem.activation)  # type: ignore[assignment]
         form.volume = PairedVolume(volume.match, self.planes)  # type: ignore[assignment]
         form.aggregation = PairedLayers(layers, self.planes)  # type: ignore[assignment]
         form.reads_bytes = True
         # All hints have one 8-bit scale, of which the disparity would leave the others little.
-        form.hint_unit = WIDE_UNIT
+        form.compare.unit *= WIDE_UNIT
         with torch.no_grad():
             form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        form.compare = as_function(form.compare)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
+        form.choose = as_function(form.choose)  # type: ignore[assignment]
         return form
 
 
@@ -207,8 +209,9 @@ def candidate_planes(max_disparity: int, dense_disparity: int | None) -> Planes:
 class Pixels(nn.Module):
     """What the stem and the comparison see of the views."""
 
-    def forward(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Map views [N, 3, H, W], 0..255, to scaled colours [N, 3, H, W] and brightness [N, 1, H/2, W]."""
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map views [N, 3, H, W], 0..255, to scaled colours [2N, 3, H, W] and brightness [2N, 1, H/2, W]."""
+        views = torch.cat([left, right])
         return scaled_colours(views), brightness(views)
 
 
@@ -292,10 +295,11 @@ class Refinement(nn.Module):
         with torch.no_grad():
             self.last.bias.copy_(torch.tensor(start).repeat_interleave(FINE**2))  # type: ignore[union-attr]
 
-    def forward(self, view: Tensor, hints: Tensor) -> tuple[Tensor, ...]:
-        """Map features and hints [N, C, h, w] to the outputs, FINE^2 channels each."""
-        outputs: tuple[Tensor, ...] = torch.split(self.last(self.seen(view, hints)), FINE**2, dim=1)
-        return outputs
+    def forward(self, view: Tensor, hints: Tensor) -> tuple[Tensor, Tensor]:
+        """Map features and hints [N, C, h, w] to the correction, FINE^2 channels, and to the other outputs."""
+        outputs = self.last(self.seen(view, hints))
+        correction, others = outputs.tensor_split([FINE**2], dim=1)
+        return correction, others
 
     def seen(self, view: Tensor, hints: Tensor) -> Tensor:
         """Map features and hints to what the outputs are read from, [N, refine, h, w]."""
@@ -308,17 +312,6 @@ def log_largest(change: Tensor) -> Tensor:
     return torch.log(change.detach().abs().amax(dim=1, keepdim=True) + 0.05)
 
 
-def surfaces_around(disparity: Tensor) -> list[Tensor]:
-    """Give the nearest and the farthest disparity around each cell of a map [N, 1, h, w]: at an edge, both surfaces."""
-    return [_largest(disparity, NEIGHBOURS), -_largest(-disparity, NEIGHBOURS)]
-
-
-def surface_hints(left: Tensor, right: Tensor, other: Tensor, disparity: Tensor) -> list[Tensor]:
-    """Say how far another disparity [N, 1, h, w], px, is away, and what the brightness of both views says of it."""
-    seen = step(moments(left, right, other, CELL), SMALL)
-    return [(other - disparity) / SURFACE_UNIT, seen.step, seen.spread]
-
-
 def clues_of(hints: Tensor, disparity: Tensor) -> Tensor:
     """Return what the confidence reads besides its evidence, of the hints and of a disparity [N, 1, h, w], px."""
     hints, disparity = hints.detach(), disparity.detach()
@@ -328,18 +321,5 @@ def clues_of(hints: Tensor, disparity: Tensor) -> Tensor:
 
 def surface_clues(disparity: Tensor) -> list[Tensor]:
     """Give clues [N, 1, h, w] from a disparity map: itself, what stands out in front of it, and jumps around."""
-    around = [(_largest(disparity, reach), -_largest(-disparity, reach)) for reach in NEARBY]
+    around = [(largest_around(disparity, reach), -largest_around(-disparity, reach)) for reach in NEARBY]
     return [disparity, around[0][0] - disparity, *(torch.log(near - far + 0.02) for near, far in around)]
-
-
-def _largest(values: Tensor, reach: int) -> Tensor:
-    # Along one axis after the other: runtimes look at every value of a square window.
-    rows = F.max_pool2d(values, (reach, 1), 1, (reach // 2, 0))
-    return F.max_pool2d(rows, (1, reach), 1, (0, reach // 2))
-
-
-def unshuffled(values: Tensor, factor: int) -> Tensor:
-    """Do what `F.pixel_unshuffle` does, as a convolution: runtimes take a tenth of the time for it."""
-    channels = values.shape[1]
-    pick = torch.eye(channels * factor**2, dtype=values.dtype, device=values.device)
-    return F.conv2d(values, pick.view(-1, channels, factor, factor), stride=factor)

@@ -8,6 +8,7 @@ share are zeros: a third more multiplications, in less time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import torch
@@ -15,6 +16,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin_of_planes
+from endosdk.training.networks.functions import as_function
 from endosdk.training.networks.photometric import brightness
 
 if TYPE_CHECKING:
@@ -23,22 +25,45 @@ if TYPE_CHECKING:
 PAIR = 2  # planes that are computed together
 
 
-class ByteRows(nn.Module):
-    """Bytes of the views for the stem, a row of ``cell`` pixels as one, and the brightness of the views."""
+class ReadViews(nn.Module):
+    """The bytes of the views for the stem, a row of ``cell`` pixels as one, and the brightness of the views."""
 
     def __init__(self, cell: int) -> None:
         super().__init__()
         self.cell = cell
 
-    def forward(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Map uint8 [N, 3, H, W] to float rows [N, 3 cell, H, W/cell], 0..255, and brightness [N, 1, H/2, W]."""
-        count, colours, height, width = views.shape
-        rows = views.permute(0, 2, 3, 1).reshape(count, height, width // self.cell, colours * self.cell)
-        return rows.permute(0, 3, 1, 2).to(torch.float32), brightness(views.to(torch.float32))
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map uint8 [N, 3, H, W] to rows [2N, H, W/cell, 3 cell] and brightness [2N, 1, H/2, W], left views first."""
+        views = torch.cat([left, right])
+        return rows_of(views, self.cell), brightness(views.to(torch.float32))
 
 
-def over_byte_rows(conv: nn.Module) -> nn.Conv2d:
-    """Make the convolution over `ByteRows` that equals a 2-D one whose stride is its kernel."""
+class Rows(nn.Module):
+    """What a module like `ReadViews` gives, in the layout and the type of convolutions."""
+
+    def __init__(self, read: nn.Module) -> None:
+        super().__init__()
+        self.read = as_function(read)
+
+    def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Map uint8 views [N, 3, H, W] to float rows [2N, 3 cell, H, W/cell], 0..255, and brightness."""
+        rows, bright = self.read(left, right)
+        return for_layers(rows), bright
+
+
+def for_layers(rows: Tensor) -> Tensor:
+    """Bring rows [N, H, w, C] to the layout and the type of convolutions, float [N, C, H, w]."""
+    return rows.permute(0, 3, 1, 2).to(torch.float32)
+
+
+def rows_of(views: Tensor, cell: int) -> Tensor:
+    """Lay views [N, 3, H, W] out as rows [N, H, W/cell, 3 cell]: colour by colour, ``cell`` pixels as one."""
+    count, colours, height, width = views.shape
+    return views.permute(0, 2, 3, 1).reshape(count, height, width // cell, colours * cell)
+
+
+def over_rows(conv: nn.Module) -> nn.Conv2d:
+    """Make the convolution over `Rows` that equals a 2-D one whose stride is its kernel."""
     assert isinstance(conv, nn.Conv2d) and conv.bias is not None
     high, wide = conv.kernel_size
     flat = nn.Conv2d(conv.in_channels * wide, conv.out_channels, (high, 1), stride=(high, 1))
@@ -91,7 +116,6 @@ class PairedLayers(nn.Module):
     def __init__(self, layers: PlaneLayers, planes: Planes) -> None:
         super().__init__()
         self.planes = planes
-        self.mode_reach = layers.mode_reach
         self.layers = nn.ModuleList(_over_pairs(layer.conv) for layer in layers.layers)  # type: ignore[arg-type]
         self.per_cell = layers.cost.out_channels
         # Costs matter by their differences from plane to plane, in which the bias cancels.
@@ -101,9 +125,10 @@ class PairedLayers(nn.Module):
             padded[place, 0, place] = weight
         self.register_buffer("costs", padded.flatten(2, 3))
         # First the even planes, then the odd ones: so nothing has to be moved.
-        self.order = [plane for place in range(PAIR) for plane in range(place, len(planes), PAIR)]
+        order = [plane for place in range(PAIR) for plane in range(place, len(planes), PAIR)]
+        self.answer = as_function(AnswerOfPlanes(planes, order, layers.mode_reach))
         self.surroundings = layers.surroundings
-        outputs = torch.arange(len(planes) * self.per_cell).view(len(planes), self.per_cell)[self.order].flatten()
+        outputs = torch.arange(len(planes) * self.per_cell).view(len(planes), self.per_cell)[order].flatten()
         for name, values in zip(("corrections", "offsets"), self.surroundings.product(outputs), strict=True):
             self.register_buffer(name, values)
 
@@ -119,14 +144,38 @@ class PairedLayers(nn.Module):
             planes = result.reshape(count, PAIR * pairs, channels, height, width).index_select(1, around)
             result = torch.relu(layer(planes.reshape(count * pairs, (PAIR + 2) * channels, height, width)))
         cells = result.permute(0, 2, 3, 1).reshape(count, 1, pairs, height * width, both)
-        cost = (cells @ self.get_buffer("costs")).reshape(count, PAIR * pairs, height * width, self.per_cell)
+        cost = cells @ self.get_buffer("costs")
         seen = self.surroundings.seen(result.reshape(count, pairs * both, height, width), view)
         seen = seen.permute(0, 2, 3, 1).reshape(count, height * width, -1) @ self.get_buffer("corrections")
-        seen = (seen + self.get_buffer("offsets")).reshape(count, height * width, PAIR * pairs, self.per_cell)
-        cost = (cost + seen.permute(0, 2, 1, 3)).reshape(count, PAIR * pairs, height * width * self.per_cell)
-        found = soft_argmin_of_planes(cost, self.planes, self.order, self.mode_reach)
-        maps = (value.reshape(count, height, width, self.per_cell).permute(0, 3, 1, 2) for value in found)
-        return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps)), None
+        seen = (seen + self.get_buffer("offsets")).reshape(count, height, width, -1)
+        return SoftArgmin(*self.answer(cost, seen)), None
+
+
+class AnswerOfPlanes(nn.Module):
+    """The soft-argmin of costs as `PairedLayers` has them."""
+
+    def __init__(self, planes: Planes, order: Sequence[int], mode_reach: int | None) -> None:
+        super().__init__()
+        self.planes, self.order, self.mode_reach = planes, order, mode_reach
+
+    @property
+    def attributes(self) -> dict[str, int]:
+        """What the function of a model file says of itself; a reach of 0: the mean of all planes."""
+        return {"dense": self.planes.dense, "sparse": self.planes.sparse, "reach": self.mode_reach or 0}
+
+    def forward(self, cost: Tensor, correction: Tensor) -> SoftArgmin:
+        """Map costs [N, 2, D/2, h w, 4] and their correction [N, h, w, 4 D] to the answer, on a grid of twice the size.
+
+        Planes come in the order of ``order``; the four cells of the larger grid are channels, as `pixel_shuffle` takes
+        them.
+        """
+        count, height, width, _ = correction.shape
+        per_cell = cost.shape[4]
+        moved = correction.reshape(count, height * width, -1, per_cell).permute(0, 2, 1, 3)
+        both = (cost.flatten(1, 2) + moved).flatten(2)
+        found = soft_argmin_of_planes(both, self.planes, self.order, self.mode_reach)
+        maps = (value.reshape(count, height, width, per_cell).permute(0, 3, 1, 2) for value in found)
+        return SoftArgmin(*(F.pixel_shuffle(values, PAIR) for values in maps))
 
 
 class CorrectionApart(nn.Module):
@@ -138,15 +187,15 @@ class CorrectionApart(nn.Module):
 
     def __init__(self, refinement: Refinement, channels: int) -> None:
         super().__init__()
-        self.refinement, self.channels = refinement, channels
+        self.refinement = refinement
         last = refinement.last
         self.correction = _outputs_of(last, slice(0, channels))
         self.others = _outputs_of(last, slice(channels, last.out_channels))
 
-    def forward(self, view: Tensor, hints: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, view: Tensor, hints: Tensor) -> tuple[Tensor, Tensor]:
         """Map what the refinement reads to what it gives."""
         seen = self.refinement.seen(view, hints)
-        return self.correction(seen), *torch.split(self.others(seen), self.channels, dim=1)
+        return self.correction(seen), self.others(seen)
 
 
 def _outputs_of(conv: nn.Conv2d, outputs: slice) -> nn.Conv2d:

@@ -1,0 +1,53 @@
+#include "functions/function.hpp"
+
+#include <iterator>
+
+#include "platform/errors.hpp"
+
+namespace endosdk {
+namespace {
+
+constexpr Element bytes = Element::uint8;
+constexpr Element floats = Element::float32;
+
+constexpr FunctionKind kinds[] = {
+    {"ReadViews", {bytes, bytes}, 2, {bytes, floats}, 2, make_read_views},
+    {"ReadSmaller", {bytes, bytes}, 2, {floats, floats}, 2, make_read_smaller},
+    {"AnswerOfPlanes", {floats, floats}, 2, {floats, floats}, 2, make_answer_of_planes},
+    {"CompareViews", {floats, floats}, 2, {floats, floats, floats}, 3, make_compare_views},
+    {"ChooseSurface", {floats, floats, floats, floats}, 4, {floats, floats, floats}, 3, make_choose_surface},
+};
+
+std::string text_of(const Shape& shape) {
+  std::string text = "[";
+  for (const int64_t side : shape) text += (text.size() > 1 ? ", " : "") + (side < 0 ? "any" : std::to_string(side));
+  return text + "]";
+}
+
+}  // namespace
+
+Scratch::Lent::Lent(Scratch& owner, size_t count) : owner_(owner) {
+  {
+    const std::lock_guard lock(owner.mutex_);
+    if (!owner.spare_.empty()) {
+      values_ = std::move(owner.spare_.back());
+      owner.spare_.pop_back();
+    }
+  }
+  if (values_.size() < count) values_.resize(count);
+}
+
+Scratch::Lent::~Lent() {
+  const std::lock_guard lock(owner_.mutex_);
+  owner_.spare_.push_back(std::move(values_));
+}
+
+const FunctionKind* function_kind(int i) { return i < static_cast<int>(std::size(kinds)) ? &kinds[i] : nullptr; }
+
+void check_shape(const char* argument, const Shape& found, const Shape& wanted) {
+  bool fits = found.size() == wanted.size();
+  for (size_t i = 0; fits && i < wanted.size(); ++i) fits = wanted[i] < 0 || found[i] == wanted[i];
+  require(fits, ENDO_INFERENCE_FAILED, argument, Text("must have the shape ", text_of(wanted)), text_of(found));
+}
+
+}  // namespace endosdk

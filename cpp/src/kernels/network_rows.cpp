@@ -1,0 +1,272 @@
+// Rows of what networks compute beside their convolutions, compiled once per instruction set.
+#include "kernels/kernels.hpp"
+#include "kernels/maths.hpp"
+#include "kernels/sets.hpp"
+
+namespace endosdk::ENDOSDK_ISA {
+namespace {
+
+constexpr int grid = comparison_cell;
+constexpr int moment_planes = view_moments;
+
+float at_most(float value, float limit) { return value < limit ? value : limit; }
+float at_least(float value, float limit) { return value > limit ? value : limit; }
+
+// Values of cells, at every pixel between their middles; cells[-1] and cells[count] repeat the border.
+void stretch_cells(const float* cells, int count, float* __restrict pixels) {
+  for (int i = 0; i < count; ++i) {
+    const float before = cells[i - 1];
+    const float here = cells[i];
+    const float after = cells[i + 1];
+    pixels[grid * i] = 0.375f * before + 0.625f * here;
+    pixels[grid * i + 1] = 0.125f * before + 0.875f * here;
+    pixels[grid * i + 2] = 0.875f * here + 0.125f * after;
+    pixels[grid * i + 3] = 0.625f * here + 0.375f * after;
+  }
+}
+
+// Means over groups of `columns` values times `share`, added to `out` where it holds a row already.
+void add_means(const float* values, int count, int columns, float share, bool first, float* __restrict out) {
+  if (columns == 2) {
+    for (int i = 0; i < count; ++i) {
+      const float sum = (values[2 * i] + values[2 * i + 1]) * share;
+      out[i] = first ? sum : out[i] + sum;
+    }
+  } else {
+    for (int i = 0; i < count; ++i) {
+      const float sum = ((values[4 * i] + values[4 * i + 1]) + (values[4 * i + 2] + values[4 * i + 3])) * share;
+      out[i] = first ? sum : out[i] + sum;
+    }
+  }
+}
+
+// Where a row of the right view is read, moved by the disparity: what it shows there.
+void move_right(const CompareRow& row, const float* shift, float* __restrict moved) {
+  const float last = static_cast<float>(row.width - 1);
+  const float last_pair = static_cast<float>(row.width - 2);
+  const float* const right = row.right;
+  for (int x = 0; x < row.width; ++x) {
+    const float place = at_most(at_least(static_cast<float>(x) - shift[x], 0.0f), last);
+    const auto base = static_cast<int32_t>(at_most(place, last_pair));  // places are not negative, so this is the floor
+    const float near = right[base];
+    moved[x] = near + (place - static_cast<float>(base)) * (right[base + 1] - near);
+  }
+}
+
+float sigmoid(float x) { return 1.0f / (1.0f + exp_of(-x)); }
+
+}  // namespace
+
+void interleave_row(const uint8_t* c0, const uint8_t* c1, const uint8_t* c2, int count, uint8_t* __restrict out) {
+  for (int i = 0; i < count; ++i) {
+    out[3 * i] = c0[i];
+    out[3 * i + 1] = c1[i];
+    out[3 * i + 2] = c2[i];
+  }
+}
+
+void pair_brightness(const uint8_t* const* channel, ptrdiff_t stride, int count, float share, float* __restrict out) {
+  const uint8_t* const c0 = channel[0];
+  const uint8_t* const c1 = channel[1];
+  const uint8_t* const c2 = channel[2];
+  for (int i = 0; i < count; ++i) {
+    const int sum = c0[i] + c0[i + stride] + c1[i] + c1[i + stride] + c2[i] + c2[i + stride];
+    out[i] = static_cast<float>(sum) * share;
+  }
+}
+
+void smaller_row(const SmallerRow& row) {
+  constexpr float small = 1.0f / 6.0f;  // three pixels lie 1/6, 3/2 and 17/6 pixels after the first of four
+  constexpr float large = 5.0f / 6.0f;
+  const float lower_share = row.lower_share;
+  const float upper_share = 1.0f - lower_share;
+  for (int i = 0; i < row.groups; ++i) {
+    float sums[3] = {};
+    for (int c = 0; c < 3; ++c) {
+      const uint8_t* const upper = row.upper[c] + 4 * i;
+      const uint8_t* const lower = row.lower[c] + 4 * i;
+      float mixed[4];
+      for (int x = 0; x < 4; ++x) {
+        mixed[x] = upper_share * static_cast<float>(upper[x]) + lower_share * static_cast<float>(lower[x]);
+      }
+      const float values[3] = {large * mixed[0] + small * mixed[1], 0.5f * mixed[1] + 0.5f * mixed[2],
+                               small * mixed[2] + large * mixed[3]};
+      for (int x = 0; x < 3; ++x) {
+        row.pixels[9 * i + 3 * x + c] = values[x];
+        sums[x] += values[x];
+      }
+    }
+    for (int x = 0; x < 3; ++x) {
+      const float bright = sums[x] * row.share;
+      row.bright[3 * i + x] = row.first ? bright : row.bright[3 * i + x] + bright;
+    }
+  }
+}
+
+void compare_row(const CompareRow& row) {
+  const int cells = row.width / grid;
+  float* const mixed = row.scratch + 1;  // a cell more at both ends
+  float* const shift = mixed + cells + 1;
+  float* const moved = shift + row.width;
+  float* const both = moved + row.width + 1;  // a pixel more at both ends
+  float* const slope = both + row.width + 1;
+  float* const product = slope + row.width;
+  for (int i = 0; i < cells; ++i) {
+    mixed[i] = (1.0f - row.lower_share) * row.upper[i] + row.lower_share * row.lower[i];
+  }
+  mixed[-1] = mixed[0];
+  mixed[cells] = mixed[cells - 1];
+  stretch_cells(mixed, cells, shift);
+  move_right(row, shift, moved);
+  for (int x = 0; x < row.width; ++x) both[x] = row.left[x] + moved[x];
+  both[-1] = both[0];
+  both[row.width] = both[row.width - 1];
+  float* const difference = moved;
+  for (int x = 0; x < row.width; ++x) difference[x] = row.left[x] - moved[x];
+  for (int x = 0; x < row.width; ++x) slope[x] = (both[x + 1] - both[x - 1]) * 0.25f;
+  const int count = row.width / row.columns;
+  add_means(slope, count, row.columns, row.share, row.first, row.means[0]);
+  add_means(difference, count, row.columns, row.share, row.first, row.means[1]);
+  for (int x = 0; x < row.width; ++x) product[x] = slope[x] * difference[x];
+  add_means(product, count, row.columns, row.share, row.first, row.means[2]);
+  for (int x = 0; x < row.width; ++x) product[x] = slope[x] * slope[x];
+  add_means(product, count, row.columns, row.share, row.first, row.means[3]);
+  for (int x = 0; x < row.width; ++x) product[x] = difference[x] * difference[x];
+  add_means(product, count, row.columns, row.share, row.first, row.means[4]);
+}
+
+void solve_row(const SolveRow& row) {
+  const int stride = row.cells + 2 * row.reach;
+  float* const means = row.scratch + moment_planes * stride;
+  for (int plane = 0; plane < moment_planes; ++plane) {
+    float* const sums = row.scratch + plane * stride;
+    for (int i = 0; i < row.reach; ++i) sums[i] = sums[row.reach + row.cells + i] = 0.0f;
+    float* const column = sums + row.reach;
+    for (int x = 0; x < row.cells; ++x) column[x] = row.rows[0][plane * row.plane_stride + x];
+    for (int y = 1; y < row.count; ++y) {
+      const float* const values = row.rows[y] + plane * row.plane_stride;
+      for (int x = 0; x < row.cells; ++x) column[x] += values[x];
+    }
+    float* const mean = means + plane * row.cells;
+    for (int x = 0; x < row.cells; ++x) mean[x] = sums[x];
+    for (int i = 1; i <= 2 * row.reach; ++i) {
+      for (int x = 0; x < row.cells; ++x) mean[x] += sums[x + i];
+    }
+    for (int x = 0; x < row.cells; ++x) mean[x] *= row.share[x];
+  }
+  const float* const slope = means;
+  const float* const difference = means + row.cells;
+  const float* const product = means + 2 * row.cells;
+  const float* const slope_square = means + 3 * row.cells;
+  const float* const difference_square = means + 4 * row.cells;
+  for (int x = 0; x < row.cells; ++x) {
+    const float texture = at_least(slope_square[x] - slope[x] * slope[x], 0.0f);
+    const float mismatch = at_least(difference_square[x] - difference[x] * difference[x], 0.0f);
+    const float solved = (slope[x] * difference[x] - product[x]) / (texture + row.damping);
+    row.step[x] = at_most(at_least(solved, -row.largest_step), row.largest_step);
+    row.texture[x] = log_of(texture + row.quiet) * row.log_share;
+    row.mismatch[x] = log_of(mismatch + row.quiet) * row.log_share;
+  }
+}
+
+void extremes_row(const ExtremesRow& row) {
+  float* const most = row.scratch + extreme_reach;
+  float* const least = most + row.cells + 2 * extreme_reach;
+  for (int x = 0; x < row.cells; ++x) most[x] = least[x] = row.rows[0][x];
+  for (int y = 1; y < row.count; ++y) {
+    const float* const values = row.rows[y];
+    for (int x = 0; x < row.cells; ++x) most[x] = at_least(values[x], most[x]);
+    for (int x = 0; x < row.cells; ++x) least[x] = at_most(values[x], least[x]);
+  }
+  for (int i = 1; i <= extreme_reach; ++i) {
+    most[-i] = most[0];
+    least[-i] = least[0];
+    most[row.cells + i - 1] = most[row.cells - 1];
+    least[row.cells + i - 1] = least[row.cells - 1];
+  }
+  for (int x = 0; x < row.cells; ++x) {
+    float largest = most[x - extreme_reach];
+    float smallest = least[x - extreme_reach];
+    for (int i = 1 - extreme_reach; i <= extreme_reach; ++i) {
+      largest = at_least(most[x + i], largest);
+      smallest = at_most(least[x + i], smallest);
+    }
+    row.most[x] = largest;
+    row.least[x] = smallest;
+  }
+}
+
+void soft_argmin_cells(const SoftArgminCells& cells) {
+  constexpr int width = soft_argmin_width;
+  float least[width];
+  float likeliest[width];
+  for (int x = 0; x < width; ++x) least[x] = cells.cost[x];
+  for (int x = 0; x < width; ++x) likeliest[x] = cells.index[0];
+  for (int p = 1; p < cells.planes; ++p) {
+    const float* const cost = cells.cost + p * width;
+    const float index = cells.index[p];
+    for (int x = 0; x < width; ++x) likeliest[x] = cost[x] < least[x] ? index : likeliest[x];
+    for (int x = 0; x < width; ++x) least[x] = at_most(cost[x], least[x]);
+  }
+  float total[width] = {};
+  float first[width] = {};
+  float second[width] = {};
+  float near_total[width] = {};
+  float near_first[width] = {};
+  for (int p = 0; p < cells.planes; ++p) {
+    const float* const cost = cells.cost + p * width;
+    const float index = cells.index[p];
+    const float value = cells.value[p];
+    const float square = value * value;
+    for (int x = 0; x < width; ++x) {
+      const float weight = exp_of(least[x] - cost[x]);
+      const float apart = index - likeliest[x];
+      const float near = apart <= cells.reach && -apart <= cells.reach ? weight : 0.0f;
+      total[x] += weight;
+      first[x] += value * weight;
+      second[x] += square * weight;
+      near_total[x] += near;
+      near_first[x] += value * near;
+    }
+  }
+  for (int x = 0; x < width; ++x) {
+    const float mean = first[x] / total[x];
+    const float gap = mean < cells.dense ? 1.0f : cells.gap;
+    constexpr float far = 65536.0f;  // beyond all planes
+    const float place = at_least(at_most((mean - cells.dense) / gap, far), -far);
+    // The floor, by whole numbers, which hold places.
+    const auto whole = static_cast<float>(static_cast<int32_t>(place));
+    const float fraction = place - (whole > place ? whole - 1.0f : whole);
+    const float excess = second[x] / total[x] - mean * mean - fraction * (1.0f - fraction) * gap * gap;
+    cells.mean[x] = near_first[x] / near_total[x];
+    cells.excess[x] = at_least(excess, 0.0f);
+  }
+}
+
+void choose_row(const ChooseRow& row) {
+  for (int x = 0; x < row.cells; ++x) row.mixed[x] = 0.75f * row.disparity[x] + 0.25f * row.beside[x];
+  row.mixed[-1] = row.mixed[0];
+  row.mixed[row.cells] = row.mixed[row.cells - 1];
+  for (int part = 0; part < 2; ++part) {
+    const float* const neighbour = part == 0 ? row.mixed - 1 : row.mixed + 1;
+    const float* const correction = row.correction[part];
+    const float* const belief = row.belief[part];
+    const float* const to_near = row.to_near[part];
+    const float* const to_far = row.to_far[part];
+    const float* const step = row.step[part];
+    float* const answer = row.answer + part;
+    float* const change = row.change + part;
+    float* const rough = row.rough + part;
+    for (int x = 0; x < row.cells; ++x) {
+      const float before = 0.75f * row.mixed[x] + 0.25f * neighbour[x];
+      const float own = correction[x] + sigmoid(belief[x]) * step[x];
+      const float with_near = own + sigmoid(to_near[x]) * (row.near[x] - before);
+      const float added = with_near + sigmoid(to_far[x]) * (row.far[x] - before);
+      rough[2 * x] = before;
+      change[2 * x] = added;
+      answer[2 * x] = at_least(before + added, 0.0f);
+    }
+  }
+}
+
+}  // namespace endosdk::ENDOSDK_ISA
