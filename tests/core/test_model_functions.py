@@ -48,6 +48,13 @@ def answer_of_planes(
     return [cost, correction], settings, twin.answer_of_planes(cost, correction, **settings)
 
 
+def planes_around(count: int, height: int, width: int) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    pairs, channels = 1 + height % 4, 32 if width % 2 else 6
+    generator = np.random.default_rng(height * width)
+    planes = generator.integers(0, 256, (count * pairs, height, width, channels), np.uint8)
+    return [planes], {"pairs": pairs}, twin.planes_around(planes, pairs)
+
+
 def choose_surface(count: int, height: int, width: int) -> tuple[list[np.ndarray], dict[str, float], Any]:
     generator = np.random.default_rng(height * width)
     shapes = [(count, channels, height, width) for channels in (4, 12, 1, 6)]
@@ -61,6 +68,7 @@ CASES = {
     "ReadSmaller": read("ReadSmaller", twin.read_smaller, 8, 16),
     "CompareViews": compare_views,
     "AnswerOfPlanes": answer_of_planes,
+    "PlanesAroundBytes": planes_around,
     "ChooseSurface": choose_surface,
 }
 
@@ -100,13 +108,13 @@ def test_what_is_no_number_stays_where_it_is() -> None:
 def test_wrong_shapes_are_refused(name: str) -> None:
     inputs, settings, _ = CASES[name](1, 5, 8)
     for i, values in enumerate(inputs):
-        wrong = [*inputs[:i], np.ascontiguousarray(values[..., 1:]), *inputs[i + 1 :]]
+        wrong = [*inputs[:i], np.ascontiguousarray(values[..., 1:]), *inputs[i + 1 :]]  # an odd number of channels
         with pytest.raises(EndoError, match="must have the shape"):
             _core.model_function(name, wrong, settings)
         with pytest.raises(EndoError):
             _core.model_function(name, [*inputs[:i], values.astype(np.int16), *inputs[i + 1 :]], settings)
     with pytest.raises(EndoError):
-        _core.model_function(name, inputs[:1], settings)
+        _core.model_function(name, inputs[:-1], settings)
     with pytest.raises(EndoError, match="function that model files have"):
         _core.model_function("Nothing", inputs, settings)
 

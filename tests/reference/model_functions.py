@@ -95,6 +95,16 @@ def _compared(left: Floats, right: Floats, disparity: Floats, unit: float) -> tu
     return np.stack(hints), np.stack([*fine[:4], *surfaces]), small[1:]
 
 
+def planes_around(planes: NDArray[np.uint8], pairs: int) -> tuple[NDArray[np.uint8]]:
+    """Pairs of planes [N pairs, h, w, 2 C] with the plane before and the one after, [N pairs, h, w, 4 C]."""
+    count, height, width, channels = planes.shape
+    single = planes.reshape(-1, pairs, height, width, 2, channels // 2).transpose(0, 1, 4, 2, 3, 5)
+    single = single.reshape(len(single), 2 * pairs, height, width, -1)
+    wanted = (2 * np.arange(pairs)[:, None] + np.arange(-1, 3)).clip(0, 2 * pairs - 1)
+    joined = single[:, wanted].transpose(0, 1, 3, 4, 2, 5)
+    return (joined.reshape(count, height, width, 2 * channels),)
+
+
 def answer_of_planes(cost: Floats, correction: Floats, dense: int, sparse: int, reach: int) -> tuple[Floats, Floats]:
     """Mean and excess variance [N, 1, 2h, 2w] of costs [N, 2, D/2, h w, 4] and their correction [N, h, w, 4 D]."""
     planes = dense + sparse

@@ -29,7 +29,14 @@ def session_of(path: Path, own: bool) -> Any:
 def test_files_hold_functions_and_calls(exported: Any) -> None:
     model = onnx.load(exported["cascade"].path)
     calls = Counter(node.op_type for node in model.graph.node if node.domain == DOMAIN)
-    assert calls == {"ReadViews": 1, "ReadSmaller": 1, "AnswerOfPlanes": 1, "CompareViews": 3, "ChooseSurface": 3}
+    assert calls == {
+        "ReadViews": 1,
+        "ReadSmaller": 1,
+        "PlanesAround": 2,
+        "AnswerOfPlanes": 1,
+        "CompareViews": 3,
+        "ChooseSurface": 3,
+    }
     for function in model.functions:
         assert {node.domain for node in function.node} == {""}  # what every runtime knows
     (answer,) = (node for node in model.graph.node if node.op_type == "AnswerOfPlanes")
@@ -97,7 +104,7 @@ def test_a_model_without_marks_stays_as_it_is() -> None:
 def test_a_file_computes_the_same_by_its_bodies(kind: str, size: tuple[int, int], exported: Any) -> None:
     network = exported[kind]
     names = {function.name for function in onnx.load(network.path).functions}
-    wanted = {"CompareViews", "AnswerOfPlanes", "ChooseSurface", "ReadViews"}
+    wanted = {"ReadViews", "PlanesAround", "AnswerOfPlanes", "CompareViews", "ChooseSurface"}
     assert names == (wanted if kind == "fast" else wanted | {"ReadSmaller"})
     generator = np.random.default_rng(0)
     left, right = (generator.integers(0, 256, (2, 3, *size), np.uint8) for _ in range(2))

@@ -11,7 +11,7 @@ from onnx import numpy_helper
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import parse_metadata, shipped_models
 from endosdk.training.integer_steps import LEAST_CHANNELS, unsaturated_steps
-from endosdk.training.quantize import describe_quantised, quantize_model
+from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model
 from tests.training.one_frame import OneFrame
 from tests.training.warped_scenes import warped_pair
 
@@ -57,6 +57,10 @@ def run(path, pair=None, level=ort.GraphOptimizationLevel.ORT_ENABLE_ALL):
     return session.run(["disparity", "confidence"], {"left": left, "right": right})
 
 
+def constants(path):
+    return {value.name: numpy_helper.to_array(value) for value in onnx.load(path).graph.initializer}
+
+
 def integer_weights(path):
     """Weights of 8 bits, one row for each output, in the order in which runtimes take them."""
     graph = onnx.load(path).graph
@@ -76,6 +80,37 @@ def largest_pair_sums(rows):
         for first, second in zip(row[::2], [*row[1::2], 0], strict=False):
             yield max(first, 0) + max(second, 0)
             yield -min(first, 0) - min(second, 0)
+
+
+def test_ranges_of_a_file_serve_the_same_weights_exported_anew(files, exported, tmp_path):
+    quantize_like(files.full, tmp_path / "again.onnx", files.quantised)
+    measured, taken = (constants(path) for path in (files.quantised, tmp_path / "again.onnx"))
+    assert measured.keys() == taken.keys()
+    differing = {name for name in measured if not np.array_equal(measured[name], taken[name])}
+    # The border of a map has a range of its own where it is measured; taken, it has that of the map.
+    assert {name.split("_")[0] for name in differing} <= {"slice"}
+    one, other = run(files.quantised), run(tmp_path / "again.onnx")
+    assert np.abs(one[0] - other[0]).mean() < 0.002 * one[0].mean()
+    with pytest.raises(InvalidArgument, match="no 8-bit layer with the weights"):
+        quantize_like(exported["cascade"].path, tmp_path / "other.onnx", files.quantised)
+    with pytest.raises(InvalidArgument, match="no 8-bit layer with the weights"):
+        quantize_like(files.full, tmp_path / "other.onnx", files.full)
+    assert not (tmp_path / "other.onnx").exists()
+
+
+def test_planes_move_as_bytes(files):
+    model = onnx.load(files.quantised)
+    makers = {name: node for node in model.graph.node for name in node.output}
+    moves = [node for node in model.graph.node if node.op_type == "PlanesAroundBytes"]
+    assert len(moves) == 2
+    for move in moves:
+        source = makers[move.input[0]]
+        while source.op_type in ("Transpose", "Reshape"):
+            source = makers[source.input[0]]
+        assert source.op_type == "QuantizeLinear"
+    assert {"PlanesAround", "PlanesAroundBytes"} & {function.name for function in model.functions} == {
+        "PlanesAroundBytes"
+    }
 
 
 def test_the_answers_stay_close(files):

@@ -13,6 +13,7 @@ constexpr Element floats = Element::float32;
 constexpr FunctionKind kinds[] = {
     {"ReadViews", {bytes, bytes}, 2, {bytes, floats}, 2, make_read_views},
     {"ReadSmaller", {bytes, bytes}, 2, {floats, floats}, 2, make_read_smaller},
+    {"PlanesAroundBytes", {bytes}, 1, {bytes}, 1, make_planes_around},
     {"AnswerOfPlanes", {floats, floats}, 2, {floats, floats}, 2, make_answer_of_planes},
     {"CompareViews", {floats, floats}, 2, {floats, floats, floats}, 3, make_compare_views},
     {"ChooseSurface", {floats, floats, floats, floats}, 4, {floats, floats, floats}, 3, make_choose_surface},

@@ -84,6 +84,7 @@ void check_shape(const char* argument, const Shape& found, const Shape& wanted);
 
 std::unique_ptr<Function> make_read_views(const FunctionSettings& settings);
 std::unique_ptr<Function> make_read_smaller(const FunctionSettings& settings);
+std::unique_ptr<Function> make_planes_around(const FunctionSettings& settings);
 std::unique_ptr<Function> make_compare_views(const FunctionSettings& settings);
 std::unique_ptr<Function> make_answer_of_planes(const FunctionSettings& settings);
 std::unique_ptr<Function> make_choose_surface(const FunctionSettings& settings);

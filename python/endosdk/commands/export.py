@@ -33,6 +33,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         " (default: not written)",
     )
     parser.add_argument(
+        "--ranges-of",
+        type=Path,
+        metavar="FILE",
+        help="take the quantisation ranges from this 8-bit model of the same weights (default: from the training data)",
+    )
+    parser.add_argument(
         "--output-stride",
         type=int,
         metavar="N",
@@ -60,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         if args.triton is None:
             raise InvalidArgument("out", "must name the .onnx file to write, or --triton a repository", None)
-        for name in ("int8", "weights", "data", "layout", "name", "model_version", "output_stride"):
+        for name in ("int8", "ranges_of", "weights", "data", "layout", "name", "model_version", "output_stride"):
             if getattr(args, name) is not None:
                 raise InvalidArgument(name, "is for a training run that is exported; give --out", getattr(args, name))
         return _serve(Report(args), args.run, args.triton).end()
@@ -73,6 +79,8 @@ def run(args: argparse.Namespace) -> int:
             raise InvalidArgument(name, f"must be a file that ends in {ending}", file)
     if args.layout is not None and args.data is None:
         raise InvalidArgument("layout", "is that of --data; give both", args.layout)
+    if args.ranges_of is not None and args.int8 is None:
+        raise InvalidArgument("ranges_of", "is for --int8; give both", args.ranges_of)
     version = VERSION if args.model_version is None else args.model_version
     # Known before the minutes that scoring takes, not when the model is added.
     if args.triton is not None and not (version.isascii() and version.isdecimal() and version.strip("0")):
@@ -86,6 +94,7 @@ def run(args: argparse.Namespace) -> int:
         data=args.data,
         layout=args.layout or "endosdk",
         int8=args.int8,
+        ranges_of=args.ranges_of,
         output_stride=args.output_stride,
     )
     if args.weights:

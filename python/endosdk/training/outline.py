@@ -33,6 +33,7 @@ def outline_functions(model: onnx.ModelProto) -> None:
         del model.opset_import[:]
         model.opset_import.extend([*opsets, helper.make_opsetid(DOMAIN, VERSION)])
         _drop_unused_constants(graph)
+        _tell_ranks(model)
 
 
 def _is_mark(node: onnx.NodeProto, kind: str) -> bool:
@@ -112,6 +113,16 @@ def _unnamed(value: onnx.TensorProto) -> onnx.TensorProto:
     tensor.CopyFrom(value)
     tensor.ClearField("name")
     return tensor
+
+
+def _tell_ranks(model: onnx.ModelProto) -> None:
+    """Say how many axes the results of calls have: who computes a function himself cannot infer that from its body."""
+    results = {name for node in model.graph.node if node.domain == DOMAIN for name in node.output}
+    inferred = onnx.shape_inference.infer_shapes(model).graph.value_info
+    for value in (value for value in inferred if value.name in results):
+        for side in value.type.tensor_type.shape.dim:
+            side.ClearField("dim_param")
+        model.graph.value_info.append(value)
 
 
 def _drop_unused_constants(graph: onnx.GraphProto) -> None:

@@ -26,10 +26,11 @@ from endosdk.io.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.integer_steps import LEAST_CHANNELS, convolution_steps, unsaturated_steps
 from endosdk.training.model_file import write_model
+from endosdk.training.ranges import MOVES, Step, ranges_of, same_steps
 
-# Operators that only move values, between a convolution and the addition or the product that reads its result.
-MOVES = ("Unsqueeze", "Reshape", "Slice", "Concat", "Pad", "Relu", "Squeeze", "Transpose", "Gather")
 PREFIX = "endosdk."
+OVER_BYTES = "PlanesAround"  # a function that only moves values
+BYTES = "Bytes"  # ends the name of a function that moves bytes
 
 Names = dict[str, onnx.NodeProto]
 
@@ -39,15 +40,46 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
     if not indices:
         raise InvalidArgument("indices", "must name at least one pair to measure ranges on", "none")
     model = onnx.load(source)
-    properties = {entry.key: entry.value for entry in model.metadata_props}
+    properties = _properties(model)
+    _quantize(source, model, out, _Frames(reader, indices, properties), {}, len(indices))
+
+
+def quantize_like(source: Path, out: Path, known: Path) -> None:
+    """Write the 8-bit form of the float model ``source`` to ``out``; ranges are those of ``known``.
+
+    That is an 8-bit file of the same weights, perhaps of an earlier release. Raises InvalidArgument for another file.
+    """
+    model, before = onnx.load(source), onnx.load(known)
+    ranges = ranges_of(before.graph, model.graph, _quantised_nodes(model.graph))
+    pairs = json.loads(_properties(before).get(PREFIX + "training", "{}")).get("quantisation", {}).get("pairs", 0)
+    blank = _Blank(int(_properties(model)[PREFIX + "input_multiple"]))
+    _quantize(source, model, out, blank, ranges, pairs)
+
+
+def _properties(model: onnx.ModelProto) -> dict[str, str]:
+    return {entry.key: entry.value for entry in model.metadata_props}
+
+
+def _quantize(
+    source: Path,
+    model: onnx.ModelProto,
+    out: Path,
+    frames: CalibrationDataReader,
+    ranges: dict[str, Step],
+    pairs: int,
+) -> None:
+    properties = _properties(model)
     chosen = _quantised_nodes(model.graph)
+    steps = _weight_steps(model.graph, chosen)
+    ranges = ranges | _bytes_of_pictures(model.graph, chosen)
+    steps |= {name: [{"scale": scale, "zero_point": zero}] for name, (scale, zero) in ranges.items()}
     with tempfile.TemporaryDirectory() as folder:
         # Kept in memory, the quantiser would write the model to a folder of its own choice.
         draft = Path(folder) / "draft.onnx"
         quantize_static(
             source,
             draft,
-            _Frames(reader, indices, properties),
+            frames,
             quant_format=QuantFormat.QDQ,
             per_channel=True,
             activation_type=QuantType.QUInt8,
@@ -58,14 +90,15 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
             extra_options={
                 "CalibMovingAverage": True,
                 "OpTypesToExcludeOutputQuantization": ["MatMul"],
-                "TensorQuantOverrides": _weight_steps(model.graph, chosen),
+                "TensorQuantOverrides": steps,
             },
         )
         quantised = onnx.load(draft)
     read_bytes_directly(quantised.graph)
+    move_bytes_directly(quantised)
     quantised.producer_name, quantised.producer_version = model.producer_name, model.producer_version
     training = json.loads(properties[PREFIX + "training"])
-    training["quantisation"] = {"weights": "int8 per channel", "activations": "uint8", "pairs": len(indices)}
+    training["quantisation"] = {"weights": "int8 per channel", "activations": "uint8", "pairs": pairs}
     properties[PREFIX + "training"] = json.dumps(training, sort_keys=True, separators=(",", ":"))
     del quantised.metadata_props[:]
     onnx.helper.set_model_props(quantised, properties)
@@ -90,7 +123,7 @@ def describe_quantised(path: Path, name: str, test: dict[str, Any]) -> None:
 def read_bytes_directly(graph: onnx.GraphProto) -> None:
     """Take the picture's bytes as 8-bit values of step 1, instead of making floats of them and quantising those again.
 
-    Replaces Cast, QuantizeLinear, DequantizeLinear by one DequantizeLinear of scale 1, in place.
+    Removes Cast and QuantizeLinear before a DequantizeLinear of scale 1, in place.
     """
     users = _users(graph)
     removed: list[str] = []
@@ -101,30 +134,75 @@ def read_bytes_directly(graph: onnx.GraphProto) -> None:
         removed += [cast.name, following[0].name]
         for dequantise in users[following[0].output[0]]:
             dequantise.input[0] = cast.input[0]
-            for slot, value in ((1, np.float32(1.0)), (2, np.uint8(0))):
-                name = f"{dequantise.name}_byte_{slot}"
-                graph.initializer.append(numpy_helper.from_array(np.array(value), name))
-                dequantise.input[slot] = name
-            for layer in users[dequantise.output[0]]:
-                _match_bias(graph, layer)
     kept = [node for node in graph.node if node.name not in removed]
     del graph.node[:]
     graph.node.extend(kept)
 
 
-def _match_bias(graph: onnx.GraphProto, layer: onnx.NodeProto) -> None:
-    """Give the bias of a convolution over values of step 1 the steps of its weights, in place.
+def _bytes_of_pictures(graph: onnx.GraphProto, nodes: Sequence[str]) -> dict[str, Step]:
+    """Return the steps of the picture's bytes where one of these nodes reads them: known, and not to be measured."""
+    casts = {node.output[0] for node in graph.node if node.op_type == "Cast"}
+    read = {name for node in graph.node if node.name in nodes for name in node.input}
+    return {name: (np.array(1.0, np.float32), np.array(0, np.uint8)) for name in casts & read}
 
-    Runtimes compute in 8-bit integers only where the step of the bias is that of the products it is added to.
-    """
-    makers = {name: node for node in graph.node for name in node.output}
+
+def move_bytes_directly(model: onnx.ModelProto) -> None:
+    """Let what only moves values move bytes, in place, where they have the same steps before and after."""
+    graph = model.graph
     values = {value.name: value for value in graph.initializer}
-    weight, bias = (makers[name] for name in layer.input[1:3])
-    steps, before = (numpy_helper.to_array(values[node.input[1]]) for node in (weight, bias))
-    stored = numpy_helper.to_array(values[bias.input[0]])
-    matched = np.rint(stored * (before.astype(np.float64) / steps)).astype(np.int32)
-    for name, array in ((bias.input[0], matched), (bias.input[1], steps)):
-        values[name].CopyFrom(numpy_helper.from_array(array, name))
+    for quantise in [node for node in graph.node if node.op_type == "QuantizeLinear"]:
+        makers, users = {name: node for node in graph.node for name in node.output}, _users(graph)
+        moves: list[onnx.NodeProto] = []
+        node = makers.get(quantise.input[0])
+        while node is not None and node.op_type in ("Transpose", "Reshape", OVER_BYTES, OVER_BYTES + BYTES):
+            moves.append(node)
+            node = makers.get(node.input[0])
+        # Reshapes alone are left to runtimes, which see through them.
+        if node is None or node.op_type != "DequantizeLinear" or not any(move.op_type != "Reshape" for move in moves):
+            continue
+        if not same_steps(node, quantise, values) or any(len(users[move.output[0]]) > 1 for move in moves):
+            continue
+        _rewire(graph, node, moves, quantise, users)
+    _name_functions_of_bytes(model)
+
+
+def _rewire(
+    graph: onnx.GraphProto,
+    dequantise: onnx.NodeProto,
+    moves: list[onnx.NodeProto],
+    quantise: onnx.NodeProto,
+    users: dict[str, list[onnx.NodeProto]],
+) -> None:
+    """Let moves, last one first, take the bytes before one node and give those after the other."""
+    moves[-1].input[0] = dequantise.input[0]
+    for move in moves:
+        if move.op_type == OVER_BYTES:
+            move.op_type += BYTES
+    moved = {move.output[0] for move in moves}
+    for value in graph.value_info:
+        if value.name in moved:
+            value.type.tensor_type.elem_type = onnx.TensorProto.UINT8
+    for user in users[quantise.output[0]]:
+        user.input[:] = [moves[0].output[0] if name == quantise.output[0] else name for name in user.input]
+    removed = [quantise, *([dequantise] if len(users[dequantise.output[0]]) == 1 else [])]
+    kept = [each for each in graph.node if each not in removed]
+    del graph.node[:]
+    graph.node.extend(kept)
+
+
+def _name_functions_of_bytes(model: onnx.ModelProto) -> None:
+    """Add the function of bytes, whose body is the same, and remove that of floats where nothing calls it."""
+    called = {node.op_type for node in model.graph.node}
+    functions = []
+    for function in model.functions:
+        for name in (function.name, function.name + BYTES):
+            if name in called:
+                named = onnx.FunctionProto()
+                named.CopyFrom(function)
+                named.name = name
+                functions.append(named)
+    del model.functions[:]
+    model.functions.extend(functions)
 
 
 def _quantised_nodes(graph: onnx.GraphProto) -> list[str]:
@@ -185,6 +263,18 @@ def _users(graph: onnx.GraphProto) -> dict[str, list[onnx.NodeProto]]:
         for name in node.input:
             users.setdefault(name, []).append(node)
     return users
+
+
+class _Blank(CalibrationDataReader):  # type: ignore[misc]
+    """Hands the quantiser one pair that says nothing: where all ranges are known."""
+
+    def __init__(self, multiple: int) -> None:
+        view = np.zeros((1, 3, 8 * multiple, 16 * multiple), np.uint8)
+        self._feeds = iter([{"left": view, "right": view}])
+
+    def get_next(self) -> dict[str, NDArray[np.uint8]] | None:
+        """Return the pair, then None."""
+        return next(self._feeds, None)
 
 
 class _Frames(CalibrationDataReader):  # type: ignore[misc]

@@ -16,7 +16,7 @@ from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
-from endosdk.training.quantize import describe_quantised, quantize_model
+from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model
 from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.validation import full_scores
 
@@ -38,6 +38,7 @@ def release(
     data: Path | None = None,
     layout: str = "endosdk",
     int8: Path | None = None,
+    ranges_of: Path | None = None,
     output_stride: int | None = None,
 ) -> dict[str, Any]:
     """Write the model file and return its scores on the test split and the parity with torch.
@@ -45,15 +46,17 @@ def release(
     ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on;
     of a layout that has truth for no test split, the training split is taken, as the scores say.
     With ``int8`` the 8-bit form is written there, named for its file; ranges are measured on pairs that the run was
-    trained on. Weights that were kept without their run do not say where its data lies: they need ``data``, and have
-    no 8-bit form. The file has this ``output_stride``, by default the one that the network was trained for. Raises
-    InvalidArgument for these, for a name or a version that no model may have, and for a test split without pairs.
+    trained on, or taken from ``ranges_of``, an 8-bit file of the same weights. Weights that were kept without their run
+    do not say where its data lies: they need ``data``, and ``ranges_of`` for an 8-bit form. The file has this
+    ``output_stride``, by default the one that the network was trained for. Raises InvalidArgument for these, for a name
+    or a version that no model may have, and for a test split without pairs.
     """
     info = ModelDescription(name=trained.config.network if name is None else name, version=version)
     if int8 is not None and not is_plain_name(int8.stem):
         raise InvalidArgument("int8", f"its name {RULE}", repr(int8.stem))
     reader = _test_split(trained, data, layout)
-    ranges = None if int8 is None else _range_pairs(trained)  # before the scoring, which takes minutes
+    # Before the scoring, which takes minutes.
+    ranges = _range_pairs(trained) if int8 is not None and ranges_of is None else None
     keep_freed_memory()  # the frames of the test split go through torch on the CPU
     network = trained.build()
     if output_stride is not None:
@@ -74,8 +77,11 @@ def release(
     sample = reader[0]
     parity = check_parity(network, path, parity_pairs(sample.left, sample.right))
     report = {"model": info.name, "version": version, "training": training, "parity": parity, "machine": machine}
-    if int8 is not None and ranges is not None:
-        quantize_model(path, int8, *ranges)
+    if int8 is not None:
+        if ranges is not None:
+            quantize_model(path, int8, *ranges)
+        elif ranges_of is not None:
+            quantize_like(path, int8, ranges_of)
         int8_scores = evaluate(estimator_method(str(int8)), reader)
         describe_quantised(int8, int8.stem, {**_note(reader), **int8_scores})
         report["int8"] = int8_scores
@@ -99,7 +105,7 @@ def _note(reader: DatasetReader) -> dict[str, str]:
 def _range_pairs(trained: Checkpoint) -> tuple[DatasetReader, list[int]]:
     """Return the training split of a run and the pairs of it on which ranges are measured."""
     if not trained.config.data:
-        rule = "needs the pairs that were trained on, and weights alone do not say where they lie: export the run"
+        rule = "needs the pairs trained on, and weights do not say where they lie: export the run, or give ranges_of"
         raise InvalidArgument("int8", rule, trained.config.network)
     reader = open_sets(trained.config.data, "train", trained.config.layout)
     pairs, _ = split_pairs(reader, trained.config)

@@ -46,7 +46,7 @@ from endosdk.training.networks.fast import (
     clues_of,
     log_largest,
 )
-from endosdk.training.networks.fast_export import CorrectionApart, ReadViews, Rows, for_layers, over_rows, rows_of
+from endosdk.training.networks.fast_export import CorrectionApart, ReadViews, ViewRows, for_layers, over_rows, rows_of
 from endosdk.training.networks.functions import as_function
 from endosdk.training.networks.photometric import brightness
 
@@ -151,7 +151,7 @@ class Cascade(StereoNetwork):
         stem = form.stem
         fold_colour_scaling(stem.conv)
         form.pixels = LeftRows(ReadViews(CELL))  # type: ignore[assignment]
-        form.smaller = Rows(ReadSmaller(CELL))  # type: ignore[assignment]
+        form.smaller = ViewRows(ReadSmaller(CELL))  # type: ignore[assignment]
         form.stem = nn.Sequential(over_rows(stem.conv), stem.activation)  # type: ignore[assignment]
         form.reads_bytes = True
         # As in `Fast`: the disparity in a unit in which it is about as large as the other hints.
@@ -192,7 +192,7 @@ class Smaller(nn.Module):
         return seen
 
 
-class LeftRows(Rows):
+class LeftRows(ViewRows):
     """`Colours` of bytes, as rows."""
 
     def forward(self, left: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:

@@ -43,7 +43,7 @@ from endosdk.training.networks.fast_export import (
     PairedLayers,
     PairedVolume,
     ReadViews,
-    Rows,
+    ViewRows,
     over_rows,
 )
 from endosdk.training.networks.functions import as_function
@@ -177,7 +177,7 @@ class Fast(StereoNetwork):
         fold_batch_norm(form)
         stem, volume, layers = form.stem, form.volume, form.aggregation
         fold_colour_scaling(stem.conv)
-        form.pixels = Rows(ReadViews(CELL))  # type: ignore[assignment]
+        form.pixels = ViewRows(ReadViews(CELL))  # type: ignore[assignment]
         form.stem = nn.Sequential(over_rows(stem.conv), stem.activation)  # type: ignore[assignment]
         form.volume = PairedVolume(volume.match, self.planes)  # type: ignore[assignment]
         form.aggregation = PairedLayers(layers, self.planes)  # type: ignore[assignment]

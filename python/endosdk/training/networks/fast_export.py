@@ -38,7 +38,7 @@ class ReadViews(nn.Module):
         return rows_of(views, self.cell), brightness(views.to(torch.float32))
 
 
-class Rows(nn.Module):
+class ViewRows(nn.Module):
     """What a module like `ReadViews` gives, in the layout and the type of convolutions."""
 
     def __init__(self, read: nn.Module) -> None:
@@ -56,14 +56,19 @@ def for_layers(rows: Tensor) -> Tensor:
     return rows.permute(0, 3, 1, 2).to(torch.float32)
 
 
+def channels_last(values: Tensor) -> Tensor:
+    """Bring maps [N, C, h, w] to [N, h, w, C]."""
+    return values.permute(0, 2, 3, 1)
+
+
 def rows_of(views: Tensor, cell: int) -> Tensor:
     """Lay views [N, 3, H, W] out as rows [N, H, W/cell, 3 cell]: colour by colour, ``cell`` pixels as one."""
     count, colours, height, width = views.shape
-    return views.permute(0, 2, 3, 1).reshape(count, height, width // cell, colours * cell)
+    return channels_last(views).reshape(count, height, width // cell, colours * cell)
 
 
 def over_rows(conv: nn.Module) -> nn.Conv2d:
-    """Make the convolution over `Rows` that equals a 2-D one whose stride is its kernel."""
+    """Make the convolution over `ViewRows` that equals a 2-D one whose stride is its kernel."""
     assert isinstance(conv, nn.Conv2d) and conv.bias is not None
     high, wide = conv.kernel_size
     flat = nn.Conv2d(conv.in_channels * wide, conv.out_channels, (high, 1), stride=(high, 1))
@@ -96,18 +101,19 @@ class PairedVolume(nn.Module):
             self.right.bias.copy_(-match.bias.repeat(PAIR))  # type: ignore[union-attr]
 
     def forward(self, left: Tensor, right: Tensor) -> Tensor:
-        """Give the volume [N, planes/2, 2 channels, h/2, w/2]."""
-        own = self.left(left).unsqueeze(1)
-        other = self.right(F.pad(right, (2, 1, 1, 1)))
+        """Give the volume [N, planes/2, h/2, w/2, 2 channels]: in the layout of 8-bit convolutions."""
+        own = channels_last(self.left(left)).unsqueeze(1)
+        other = channels_last(self.right(F.pad(right, (2, 1, 1, 1))))
         dense = self.planes.dense // PAIR
         room = self.planes.shifts[-1] // PAIR
         # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
-        padded = torch.cat([other[..., :1]] * room + [other], dim=-1)
-        shifted = [padded[..., room - shift : (-shift or None)] for shift in range(dense)]
+        padded = torch.cat([other[:, :, :1]] * room + [other], dim=2)
+        shifted = [padded[:, :, room - shift : (-shift or None)] for shift in range(dense)]
         if self.planes.sparse:
-            even = padded[:, : padded.shape[1] // PAIR]  # every second shift is an even one
-            shifted += [even[..., room - shift : -shift] for shift in range(dense, room + 1)]
-        return torch.relu(own + torch.unflatten(torch.cat(shifted, dim=1), 1, (len(self.planes) // PAIR, -1)))
+            even = padded[..., : padded.shape[3] // PAIR]  # every second shift is an even one
+            single = [even[:, :, room - shift : -shift] for shift in range(dense, room + 1)]
+            shifted += [torch.cat(single[i : i + PAIR], dim=3) for i in range(0, len(single), PAIR)]
+        return torch.relu(own + torch.stack(shifted, dim=1))
 
 
 class PairedLayers(nn.Module):
@@ -116,6 +122,7 @@ class PairedLayers(nn.Module):
     def __init__(self, layers: PlaneLayers, planes: Planes) -> None:
         super().__init__()
         self.planes = planes
+        self.around = as_function(PlanesAround(len(planes) // PAIR))
         self.layers = nn.ModuleList(_over_pairs(layer.conv) for layer in layers.layers)  # type: ignore[arg-type]
         self.per_cell = layers.cost.out_channels
         # Costs matter by their differences from plane to plane, in which the bias cancels.
@@ -133,22 +140,44 @@ class PairedLayers(nn.Module):
             self.register_buffer(name, values)
 
     def forward(self, volume: Tensor, view: Tensor) -> tuple[SoftArgmin, None]:
-        """Map the volume [N, D/2, 2 C, h, w] to its answer, in cells, on a grid of twice the size; no cost is kept."""
-        count, pairs, both, height, width = volume.shape
-        channels = both // PAIR
-        # The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
-        around = (PAIR * torch.arange(pairs).view(-1, 1) + torch.arange(-1, PAIR + 1)).clamp(0, PAIR * pairs - 1)
-        around = around.flatten().to(volume.device)
-        result = volume
+        """Map the volume [N, D/2, h, w, 2 C] to its answer, in cells, on a grid of twice the size; no cost is kept."""
+        count, pairs, height, width, both = volume.shape
+        result = volume.flatten(0, 1)
         for layer in self.layers:
-            planes = result.reshape(count, PAIR * pairs, channels, height, width).index_select(1, around)
-            result = torch.relu(layer(planes.reshape(count * pairs, (PAIR + 2) * channels, height, width)))
-        cells = result.permute(0, 2, 3, 1).reshape(count, 1, pairs, height * width, both)
+            (around,) = self.around(result)
+            result = channels_last(torch.relu(layer(around.permute(0, 3, 1, 2))))
+        cells = result.reshape(count, 1, pairs, height * width, both)
         cost = cells @ self.get_buffer("costs")
-        seen = self.surroundings.seen(result.reshape(count, pairs * both, height, width), view)
+        joined = torch.unflatten(result, 0, (count, pairs)).permute(0, 1, 4, 2, 3).flatten(1, 2)
+        seen = self.surroundings.seen(joined, view)
         seen = seen.permute(0, 2, 3, 1).reshape(count, height * width, -1) @ self.get_buffer("corrections")
         seen = (seen + self.get_buffer("offsets")).reshape(count, height, width, -1)
         return SoftArgmin(*self.answer(cost, seen)), None
+
+
+class PlanesAround(nn.Module):
+    """Pairs of planes with the plane before and the one after.
+
+    The first and last plane stand in for the neighbours they lack: copies stay 8-bit, padding would not.
+    """
+
+    def __init__(self, pairs: int) -> None:
+        super().__init__()
+        self.pairs = pairs
+
+    @property
+    def attributes(self) -> dict[str, int]:
+        """What the function of a model file says of itself."""
+        return {"pairs": self.pairs}
+
+    def forward(self, planes: Tensor) -> tuple[Tensor]:
+        """Map pairs of planes [N D/2, h, w, 2 C] to [N D/2, h, w, 4 C]."""
+        pairs = torch.unflatten(planes, 0, (-1, self.pairs))
+        channels = planes.shape[3] // PAIR
+        first, second = pairs[..., :channels], pairs[..., channels:]
+        before = torch.cat([first[:, :1], second[:, :-1]], dim=1)
+        after = torch.cat([first[:, 1:], second[:, -1:]], dim=1)
+        return (torch.cat([before, pairs, after], dim=4).flatten(0, 1),)
 
 
 class AnswerOfPlanes(nn.Module):
