@@ -1,11 +1,11 @@
 /* depth_cli: one pair of pictures in, a depth (or disparity) map out.
 
        depth_cli model.onnx left.ppm right.ppm out.pgm                                 disparity, steps of 1/256 px
-       depth_cli model.onnx left.ppm right.ppm out.pgm FOCAL_PX BASELINE_MM [DOFFS]    depth, steps of 0.1 mm
+       depth_cli model.onnx left.ppm right.ppm out.pgm rig.json                        depth, steps of 0.1 mm
+       depth_cli model.onnx left.ppm right.ppm out.pgm FOCAL_PX BASELINE_MM [DOFFS]    the same, of a rectified pair
 
    Pictures are binary PNM (PPM or PGM, 8 bits); `convert left.png left.ppm` or `pngtopnm left.png > left.ppm` makes them.
-   The pair must be rectified; see endosdk.h for endo_set_calibration with the numbers of a raw rig. The output is a
-   16-bit PGM in which 0 means "no answer"; of a frame that is not to be used, all are 0. ONNX Runtime is found by
+   With the rig file of raw cameras, raw frames are rectified first. The output is a 16-bit PGM in which 0 means "no answer"; of a frame that is not to be used, all are 0. ONNX Runtime is found by
    ENDOSDK_ORT_LIBRARY or as the system does. MODEL_SHA256 in the environment pins the model. */
 #include <endosdk/endosdk.h>
 
@@ -97,6 +97,20 @@ static endo_calibration rectified_rig(int width, int height, double focal_px, do
     return rig;
 }
 
+/* The rig of a file that endosdk's calibration wrote. */
+static endo_calibration rig_of_file(const char *path) {
+    static char text[1 << 16];
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) stop(path, "cannot be opened");
+    const size_t size = fread(text, 1, sizeof text, file);
+    fclose(file);
+    endo_calibration rig;
+    memset(&rig, 0, sizeof rig);
+    rig.struct_size = sizeof rig;
+    check(endo_read_calibration(text, size, &rig), path);
+    return rig;
+}
+
 static double number(const char *text) {
     char *end = NULL;
     const double value = strtod(text, &end);
@@ -105,8 +119,8 @@ static double number(const char *text) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 5 && argc != 7 && argc != 8) {
-        stop("usage", "depth_cli MODEL LEFT RIGHT OUT [FOCAL_PX BASELINE_MM [DOFFS]]");
+    if (argc < 5 || argc > 8) {
+        stop("usage", "depth_cli MODEL LEFT RIGHT OUT [RIG.json | FOCAL_PX BASELINE_MM [DOFFS]]");
     }
     const picture left = read_picture(argv[2]);
     const picture right = read_picture(argv[3]);
@@ -119,7 +133,8 @@ int main(int argc, char **argv) {
     check(endo_open_file(argv[1], &options, &estimator), argv[1]);
     if (metric) {
         const endo_calibration rig =
-            rectified_rig(left.width, left.height, number(argv[5]), number(argv[6]), argc == 8 ? number(argv[7]) : 0.0);
+            argc == 6 ? rig_of_file(argv[5])
+                      : rectified_rig(left.width, left.height, number(argv[5]), number(argv[6]), argc == 8 ? number(argv[7]) : 0.0);
         check(endo_set_calibration(estimator, &rig), "calibration");
     }
 

@@ -213,6 +213,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "endo_open_memory": (c_int32, [c_char_p, c_size_t, POINTER(Options), POINTER(c_void_p)]),
     "endo_close": (None, [c_void_p]),
     "endo_set_calibration": (c_int32, [c_void_p, POINTER(Calibration)]),
+    "endo_read_calibration": (c_int32, [c_char_p, c_size_t, POINTER(Calibration)]),
     "endo_get_geometry": (c_int32, [c_void_p, POINTER(Geometry)]),
     "endo_prepare": (c_int32, [c_void_p, c_int32, c_int32]),
     "endo_predict": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), POINTER(Result)]),

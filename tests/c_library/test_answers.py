@@ -20,6 +20,7 @@ from tests.c_library import binding as c
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.core.test_pose_error import RIG, cycles_pair, turned
 from tests.rigs import fisheye_rig, raw_rig
+from tests.training.exported_networks import Exported, shared_folder
 
 DEMO = ROOT / "examples" / "data" / "demo"
 RIGS = {
@@ -31,6 +32,20 @@ RIGS = {
     ),
     "rectified": lambda: endosdk.StereoCalibration.rectified(520.0, 4.5, (640, 480), doffs=3.5),
 }
+
+
+@pytest.mark.parametrize("kind", ["fast", "cascade"])
+def test_functions_of_files_give_the_same_bytes(library, kind, tmp_path_factory):
+    """A file computed by the bodies of its functions differs in its last digits."""
+    model = Exported(shared_folder(tmp_path_factory), kind).path
+    left, right = shifted_pair(245, 331, 11)
+    with endosdk.DepthEstimator(model, network_size=(256, 192)) as python:
+        expected = python.predict(left, right)
+    estimator = c.CEstimator(library, model, None, network_width=256, network_height=192)
+    _, maps = estimator.predict(left, right, maps=("disparity", "confidence"))
+    estimator.close()
+    np.testing.assert_array_equal(maps["disparity"], expected.disparity)
+    np.testing.assert_array_equal(maps["confidence"], expected.confidence)
 
 
 @pytest.mark.parametrize("rig_name", RIGS)

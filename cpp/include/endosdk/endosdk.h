@@ -93,6 +93,7 @@ typedef enum endo_status {
     ENDO_INVALID_CALIBRATION = 2,        /* the numbers cannot describe a stereo rig */
     ENDO_CALIBRATION_REQUIRED = 3,       /* depth or sigma was asked for without a calibration */
     ENDO_CALIBRATION_SIZE_MISMATCH = 4,  /* the calibration is for frames of another size */
+    ENDO_CALIBRATION_UNREADABLE = 5,     /* no rig file of endosdk, or one that was changed */
     ENDO_MODEL_NOT_FOUND = 6,
     ENDO_MODEL_UNREADABLE = 7,           /* no ONNX model that the runtime accepts */
     ENDO_MODEL_METADATA = 8,             /* the model lacks or contradicts what it must say of itself, or keeps
@@ -211,6 +212,10 @@ typedef struct endo_calibration {
     double left_field_of_view[4];
     double right_field_of_view[4];
 } endo_calibration;
+
+/* Read the rig file that Python's StereoCalibration.save writes as JSON: `text`, of `size` bytes, as it stands in the file.
+   Set calibration->struct_size first. A file that states another hash than that of its content is refused. */
+ENDO_API endo_status endo_read_calibration(const char *text, size_t size, endo_calibration *calibration);
 
 /* Of the pictures that maps belong to: depth = focal_px * baseline_mm / (disparity + doffs). */
 typedef struct endo_geometry {

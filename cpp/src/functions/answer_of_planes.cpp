@@ -44,13 +44,15 @@ class AnswerOfPlanes : public Function {
       const float* cost = call.floats(0) + (pair * planes_ * height + y) * width * per_cell;
       const float* correction = call.floats(1) + (pair * height + y) * width * planes_ * per_cell;
       const int64_t first = (pair * height + y) * side * side * width;
-      answer_row(cost, height * width * per_cell, correction, static_cast<int>(width), mean + first, excess + first);
+      // Not on the stack, which the thread of a device may have little of.
+      Scratch::Lent costs(scratch_, static_cast<size_t>(planes_) * soft_argmin_width);
+      answer_row(cost, height * width * per_cell, correction, static_cast<int>(width), costs.data(), mean + first, excess + first);
     });
   }
 
  private:
-  void answer_row(const float* cost, int64_t plane_stride, const float* correction, int width, float* mean, float* excess) const {
-    float costs[most_planes * soft_argmin_width];
+  void answer_row(const float* cost, int64_t plane_stride, const float* correction, int width, float* costs, float* mean,
+                  float* excess) const {
     float found[2][soft_argmin_width];
     for (int first = 0; first < width; first += cells_at_once) {
       const int cells = std::min(cells_at_once, width - first);
@@ -75,6 +77,7 @@ class AnswerOfPlanes : public Function {
     }
   }
 
+  Scratch scratch_;
   int planes_;
   int dense_;
   float gap_;

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <vector>
 
+#include "geometry/rig_file.hpp"
 #include "library/build_info.hpp"
 #include "library/capi_structs.hpp"
 #include "library/guarded.hpp"
@@ -145,6 +146,7 @@ const char* endo_status_name(int32_t status) {
     case ENDO_OUT_OF_MEMORY: return "OUT_OF_MEMORY";
     case ENDO_SELF_TEST_FAILED: return "SELF_TEST_FAILED";
     case ENDO_INTERNAL: return "INTERNAL";
+    case ENDO_CALIBRATION_UNREADABLE: return "CALIBRATION_UNREADABLE";
     case ENDO_RUNTIME_HASH_MISMATCH: return "RUNTIME_HASH_MISMATCH";
   }
   return "UNKNOWN";
@@ -189,6 +191,14 @@ endo_status endo_set_calibration(endo_estimator* estimator, const endo_calibrati
     with(estimator, [&](FramePath& path) {
       path.set_calibration(calibration != nullptr ? std::optional(endosdk::read_rig(*calibration)) : std::nullopt);
     });
+  });
+}
+
+endo_status endo_read_calibration(const char* text, size_t size, endo_calibration* calibration) {
+  return guarded([&] {
+    require_pointer(text, "text");
+    require_pointer(calibration, "calibration");
+    endosdk::write_rig(endosdk::read_rig_file({text, size}), *calibration);
   });
 }
 

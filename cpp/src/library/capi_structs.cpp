@@ -83,6 +83,11 @@ Rig read_rig(const endo_calibration& calibration) {
   }
 }
 
+void write_rig(endo_calibration numbers, endo_calibration& calibration) {
+  numbers.struct_size = read_struct(&calibration, first_calibration, "calibration").struct_size;
+  write_struct(numbers, numbers.struct_size, &calibration);
+}
+
 void write_geometry(const Rig& rig, endo_geometry& geometry) {
   endo_geometry known = read_struct(&geometry, first_geometry, "geometry");
   const RectifiedGeometry& g = rig.geometry();

@@ -13,6 +13,7 @@
 namespace endosdk {
 
 Rig read_rig(const endo_calibration& calibration);
+void write_rig(endo_calibration numbers, endo_calibration& calibration);
 void write_geometry(const Rig& rig, endo_geometry& geometry);
 
 // A copy of what the caller and this library know of a result. Refuses one whose maps nobody may read or write.

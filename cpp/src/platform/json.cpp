@@ -8,19 +8,56 @@
 namespace endosdk {
 namespace {
 
-// Checks syntax only; nothing is kept.
+// Checks syntax only; of what it is told to take apart it keeps where the parts lie.
 class Syntax {
  public:
   explicit Syntax(std::string_view text) : rest_(text) {}
 
-  bool holds() {
-    const bool valid = value(0);
+  bool fields(std::vector<JsonField>& found) {
     space();
-    return valid && rest_.empty();
+    return take('{') && list('}', [&] {
+      space();
+      const std::string_view name = taken([&] { return string(); });
+      space();
+      if (name.empty() || !take(':')) return false;
+      space();
+      const std::string_view own = taken([&] { return value(1); });
+      if (!own.empty()) found.push_back({name.substr(1, name.size() - 2), own});
+      return !own.empty();
+    }) && ends();
+  }
+
+  bool items(std::vector<std::string_view>& found) {
+    space();
+    return take('[') && list(']', [&] {
+      space();
+      const std::string_view own = taken([&] { return value(1); });
+      if (!own.empty()) found.push_back(own);
+      return !own.empty();
+    }) && ends();
+  }
+
+  bool is_number() { return number() && rest_.empty(); }
+  bool is_string() { return string() && rest_.empty(); }
+
+  bool holds() {
+    return value(0) && ends();
   }
 
  private:
   static constexpr int deepest = 200;  // enough for any description, and no hostile file can use up the stack
+
+  bool ends() {
+    space();
+    return rest_.empty();
+  }
+
+  // What `part` takes; nothing where it does not hold.
+  template <typename Part>
+  std::string_view taken(const Part& part) {
+    const std::string_view before = rest_;
+    return part() ? before.substr(0, before.size() - rest_.size()) : std::string_view();
+  }
 
   char peek() const { return rest_.empty() ? '\0' : rest_.front(); }
 
@@ -131,6 +168,28 @@ size_t character_length(std::string_view text) {
 }  // namespace
 
 bool is_json(std::string_view text) { return Syntax(text).holds(); }
+
+std::optional<std::vector<JsonField>> json_fields(std::string_view object) {
+  std::vector<JsonField> found;
+  return Syntax(object).fields(found) ? std::optional(found) : std::nullopt;
+}
+
+std::optional<std::vector<std::string_view>> json_items(std::string_view array) {
+  std::vector<std::string_view> found;
+  return Syntax(array).items(found) ? std::optional(found) : std::nullopt;
+}
+
+std::optional<double> json_value_of_number(std::string_view number) {
+  if (!Syntax(number).is_number()) return std::nullopt;
+  double value = 0.0;
+  const std::from_chars_result read = std::from_chars(number.data(), number.data() + number.size(), value);
+  return read.ec == std::errc() ? std::optional(value) : std::nullopt;
+}
+
+std::optional<std::string_view> json_value_of_string(std::string_view string) {
+  const bool plain = Syntax(string).is_string() && string.find('\\') == std::string_view::npos;
+  return plain ? std::optional(string.substr(1, string.size() - 2)) : std::nullopt;
+}
 
 std::string json_string(std::string_view text) {
   std::string out = "\"";

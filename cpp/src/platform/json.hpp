@@ -1,14 +1,29 @@
-// The little JSON that the library needs: to write its reports, and to tell whether a model's metadata is well formed.
+// The little JSON that the library needs: to write its reports, to tell whether a model's metadata is well formed, and to
+// read the file of a rig.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace endosdk {
 
 // Whether the text is one JSON value (RFC 8259).
 bool is_json(std::string_view text);
+
+// A field of an object: its name and its value, as the text has them.
+struct JsonField {
+  std::string_view name;
+  std::string_view value;
+};
+
+// Nothing where the text is no such JSON value. Each field or item is JSON itself.
+std::optional<std::vector<JsonField>> json_fields(std::string_view object);
+std::optional<std::vector<std::string_view>> json_items(std::string_view array);
+std::optional<double> json_value_of_number(std::string_view number);
+std::optional<std::string_view> json_value_of_string(std::string_view string);  // only of one without escapes
 
 // In quotes, with everything escaped that must be. JSON is UTF-8: a byte that is not, as in the path of a file, becomes
 // U+FFFD, the character for what cannot be shown.
