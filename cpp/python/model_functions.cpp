@@ -49,7 +49,7 @@ class ArrayCall : public FunctionCall {
     return outputs_[i].mutable_data();
   }
 
-  void parallel(int count, const std::function<void(int)>& body) override {
+  void run(int count, const std::function<void(int)>& body) override {
     const py::gil_scoped_release released;
     parallel_for(count, 1, [&](int begin, int end, int) {
       for (int i = begin; i < end; ++i) body(i);

@@ -26,7 +26,7 @@ def waves(shift, seed=0):
 def compare(left, right, disparity, window=3):
     """Step [H/4, W/4] on cells of 4 px, for a disparity that is the same everywhere."""
     guess = torch.full((1, 1, HEIGHT // 4, WIDTH // 4), float(disparity))
-    return step(moments(brightness(left), brightness(right), guess, 4, 4), window)
+    return step(moments(brightness(left), brightness(right), guess, 4), window)
 
 
 def inner(values):
@@ -68,7 +68,7 @@ def test_moments_equal_slow_arithmetic(cell):
     rng = np.random.default_rng(1)
     left, right = (rng.uniform(0, 4, (6, 16)) for _ in range(2))  # rows already averaged in pairs
     disparity = rng.uniform(-1, 20, (3, 4))
-    found = moments(*(torch.from_numpy(v)[None, None] for v in (left, right, disparity)), grid=4, cell=cell)
+    found = moments(*(torch.from_numpy(v)[None, None] for v in (left, right, disparity)), cell=cell)
     wanted = model_functions.moments(left, right, disparity, cell)
     np.testing.assert_allclose(found[0].numpy(), wanted, atol=1e-12)
 
@@ -87,7 +87,7 @@ def test_the_step_is_bounded_and_damped():
 def likely(left, right, disparity):
     """Likely step [H/8, W/8] on cells of 8 px, for a disparity that is the same everywhere, away from the border."""
     guess = torch.full((1, 1, HEIGHT // 8, WIDTH // 8), float(disparity))
-    return likely_step(moments(brightness(left), brightness(right), guess, 8, 8))[0, 0, 1:-1, 3:-2]
+    return likely_step(moments(brightness(left), brightness(right), guess, 8))[0, 0, 1:-1, 3:-2]
 
 
 @pytest.mark.parametrize("lacking", [-0.4, -0.1, 0.0, 0.2, 0.45])

@@ -47,7 +47,7 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     capsys.readouterr()
     for given, named in (
         ([], "data: must be given"),
-        (["--data", str(dataset_root), "--int8", str(again)], "int8: needs the pairs that were trained on"),
+        (["--data", str(dataset_root), "--int8", str(again)], "int8: needs the pairs trained on"),
     ):
         assert main(["export", str(weights), "--out", str(again), *given]) == 2
         assert named in capsys.readouterr().err

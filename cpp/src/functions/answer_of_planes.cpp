@@ -38,7 +38,7 @@ class AnswerOfPlanes : public Function {
     check_shape("cost", call.shape(0), {count, side, planes_ / side, height * width, per_cell});
     float* mean = call.float_output(0, {count, 1, side * height, side * width});
     float* excess = call.float_output(1, {count, 1, side * height, side * width});
-    call.parallel(static_cast<int>(count * height), [&](int index) {
+    call.parallel(count * height, [&](int index) {
       const int64_t pair = index / height;
       const int64_t y = index % height;
       const float* cost = call.floats(0) + (pair * planes_ * height + y) * width * per_cell;

@@ -24,6 +24,7 @@ constexpr int large_reach = 3;
 constexpr int hint_planes = 24;
 constexpr int step_planes = fine_cells + 2;
 constexpr int block = 4;  // rows of cells at a time
+constexpr int64_t most_cells = 1 << 26;
 
 // Planes of means, one row of cells after the other.
 struct Means {
@@ -223,6 +224,8 @@ class CompareViews : public Function {
     float* steps = call.float_output(1, {count, step_planes, rows, cells});
     float* spread = call.float_output(2, {count, 2, rows, cells});
     if (rows == 0 || cells == 0) return;
+    require(int64_t{rows} * cells <= most_cells, ENDO_INFERENCE_FAILED, "disparity", Text("must have at most ", most_cells, " cells"),
+            int64_t{rows} * cells);
     Scratch::Lent memory(scratch_, Comparison::scratch_values(rows, cells));
     const int blocks = (rows + block - 1) / block;
     const size_t row_values = Comparison::row_scratch_values(cells);

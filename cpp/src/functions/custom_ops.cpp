@@ -67,7 +67,7 @@ class RuntimeCall : public FunctionCall {
     return data_of(value);
   }
 
-  void parallel(int count, const std::function<void(int)>& body) override {
+  void run(int count, const std::function<void(int)>& body) override {
     struct Work {
       const std::function<void(int)>& body;
       std::mutex mutex;

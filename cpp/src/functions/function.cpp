@@ -7,6 +7,10 @@
 namespace endosdk {
 namespace {
 
+// A file may ask for any shape, also for one without values; loops count in 32 bits.
+constexpr int64_t longest_side = 1 << 20;
+constexpr int64_t most_values = 1 << 28;
+
 constexpr Element bytes = Element::uint8;
 constexpr Element floats = Element::float32;
 
@@ -45,9 +49,14 @@ Scratch::Lent::~Lent() {
 
 const FunctionKind* function_kind(int i) { return i < static_cast<int>(std::size(kinds)) ? &kinds[i] : nullptr; }
 
+void FunctionCall::parallel(int64_t count, const std::function<void(int)>& body) {
+  require(count <= most_values, ENDO_INFERENCE_FAILED, "shape", Text("must have at most ", most_values, " rows"), count);
+  run(static_cast<int>(count), body);
+}
+
 void check_shape(const char* argument, const Shape& found, const Shape& wanted) {
   bool fits = found.size() == wanted.size();
-  for (size_t i = 0; fits && i < wanted.size(); ++i) fits = wanted[i] < 0 || found[i] == wanted[i];
+  for (size_t i = 0; fits && i < wanted.size(); ++i) fits = wanted[i] < 0 ? found[i] <= longest_side : found[i] == wanted[i];
   require(fits, ENDO_INFERENCE_FAILED, argument, Text("must have the shape ", text_of(wanted)), text_of(found));
 }
 

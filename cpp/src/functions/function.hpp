@@ -27,11 +27,14 @@ class FunctionCall {
   virtual void* output(int place, const Shape& shape) = 0;
 
   // Calls `body` once for each index below `count`, on several threads at a time.
-  virtual void parallel(int count, const std::function<void(int index)>& body) = 0;
+  void parallel(int64_t count, const std::function<void(int index)>& body);
 
   const float* floats(int input) const { return static_cast<const float*>(data(input)); }
   const uint8_t* bytes(int input) const { return static_cast<const uint8_t*>(data(input)); }
   float* float_output(int place, const Shape& shape) { return static_cast<float*>(output(place, shape)); }
+
+ private:
+  virtual void run(int count, const std::function<void(int index)>& body) = 0;
 };
 
 // Memory between the steps of a call, kept for the next one.
@@ -79,7 +82,7 @@ struct FunctionKind {
 // The i-th kind; null beyond the last.
 const FunctionKind* function_kind(int i);
 
-// Throws unless a shape is as it must be; a side of -1 may be any.
+// Throws unless a shape is as it must be; a side of -1 may be any that a picture has.
 void check_shape(const char* argument, const Shape& found, const Shape& wanted);
 
 std::unique_ptr<Function> make_read_views(const FunctionSettings& settings);

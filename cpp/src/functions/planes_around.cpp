@@ -35,7 +35,7 @@ class PlanesAround : public Function {
     const int64_t row = shape[2] * shape[3];
     const int64_t channels = shape[3] / 2;
     auto* out = static_cast<uint8_t*>(call.output(0, {shape[0], height, shape[2], 2 * shape[3]}));
-    call.parallel(static_cast<int>(shape[0]), [&](int index) {
+    call.parallel(shape[0], [&](int index) {
       const int64_t plane = index % pairs_;
       const uint8_t* own = call.bytes(0) + index * height * row;
       // The second plane of the pair before and the first one of the pair after; at the ends, the planes there.

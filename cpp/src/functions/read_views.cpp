@@ -39,7 +39,7 @@ Views views_of(const FunctionCall& call, int64_t rows, int64_t columns) {
 template <typename Body>
 void for_pairs(FunctionCall& call, int64_t views, int64_t pairs, const Body& body) {
   const int64_t blocks = (pairs + block - 1) / block;
-  call.parallel(static_cast<int>(views * blocks), [&](int index) {
+  call.parallel(views * blocks, [&](int index) {
     const int64_t first = index % blocks * block;
     for (int64_t pair = first; pair < std::min(first + block, pairs); ++pair) body(index / blocks, pair);
   });

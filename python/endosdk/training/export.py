@@ -121,8 +121,8 @@ def _name_sizes(model: onnx.ModelProto, stride: int) -> None:
     suffix = "" if stride == 1 else f"/{stride}"
     for values, end in ((model.graph.input, ""), (model.graph.output, suffix)):
         for value in values:
-            for axis, size in ((2, "height"), (3, "width")):
-                value.type.tensor_type.shape.dim[axis].dim_param = size + end
+            for axis, size in ((0, "batch"), (2, "height" + end), (3, "width" + end)):
+                value.type.tensor_type.shape.dim[axis].dim_param = size
 
 
 def _metadata(deployed: Deployed, info: ModelDescription) -> dict[str, str]:

@@ -12,11 +12,14 @@ from onnx import TensorProto
 from onnxruntime.transformers.float16 import DEFAULT_OP_BLOCK_LIST, convert_float_to_float16
 from onnxruntime.transformers.onnx_model import OnnxModel
 
+from endosdk.training.outline import inline_functions
+
 EXACT = ["Softmax", "MatMul", "Log", "Exp", "Resize", "ReduceMax", "ReduceSum", "Clip", "MaxPool", "Cast"]
 
 
 def halved(model: onnx.ModelProto) -> onnx.ModelProto:
     """Return the 16-bit form of a float model; the model given is used up."""
+    model = inline_functions(model)
     properties = {entry.key: entry.value for entry in model.metadata_props}
     half: onnx.ModelProto = convert_float_to_float16(
         model,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import onnx
+import onnx.inliner
 from onnx import helper
 
 from endosdk.training.networks.functions import MARKS
@@ -34,6 +35,25 @@ def outline_functions(model: onnx.ModelProto) -> None:
         model.opset_import.extend([*opsets, helper.make_opsetid(DOMAIN, VERSION)])
         _drop_unused_constants(graph)
         _tell_ranks(model)
+
+
+def inline_functions(model: onnx.ModelProto) -> onnx.ModelProto:
+    """Return a model that computes the same without functions, for what does not look into them."""
+    inlined: onnx.ModelProto = onnx.inliner.inline_local_functions(model)
+    graph = inlined.graph
+    nodes = []
+    for node in graph.node:
+        if node.op_type == "Constant":
+            constant = onnx.TensorProto()
+            constant.CopyFrom(node.attribute[0].t)
+            constant.name = node.output[0]
+            graph.initializer.append(constant)
+        else:
+            node.name = node.name or f"node_{node.output[0]}"
+            nodes.append(node)
+    del graph.node[:]
+    graph.node.extend(nodes)
+    return inlined
 
 
 def _is_mark(node: onnx.NodeProto, kind: str) -> bool:

@@ -45,14 +45,14 @@ class CompareViews(nn.Module):
         pairs = disparity.shape[0]
         left, right = bright[:pairs], bright[pairs:]
         there = disparity.detach()
-        compared = moments(left, right, there, CELL, STRIDE)
+        compared = moments(left, right, there, STRIDE)
         cells = F.avg_pool2d(compared, FINE)
         fine, small, large = step(compared, SMALL), step(cells, SMALL), step(cells, LARGE)
         shuffled = unshuffled(torch.cat(fine, dim=1), FINE)
         hints = [shuffled, small.step, small.texture, large.step, disparity / self.unit]
         surfaces = largest_around(there, NEIGHBOURS), -largest_around(-there, NEIGHBOURS)
         for other in surfaces:
-            seen = step(moments(left, right, other, CELL, CELL), SMALL)
+            seen = step(moments(left, right, other, CELL), SMALL)
             hints += [(other - disparity) / SURFACE_UNIT, seen.step, seen.spread]
         steps = torch.cat([shuffled[:, : FINE**2], *surfaces], dim=1)
         return Comparison(torch.cat(hints, dim=1), steps, small.spread)

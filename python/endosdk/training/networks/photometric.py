@@ -56,15 +56,14 @@ def brightness(views: Tensor) -> Tensor:
     return rows.sum(dim=3) * (1.0 / (3 * ROWS * UNIT))
 
 
-def moments(left: Tensor, right: Tensor, disparity: Tensor, grid: int, cell: int) -> Tensor:
-    """Compare brightness [N, 1, H/2, W] of both views at a disparity [N, 1, H/grid, W/grid], px.
+def moments(left: Tensor, right: Tensor, disparity: Tensor, cell: int) -> Tensor:
+    """Compare brightness [N, 1, H/2, W] of both views at a disparity [N, 1, h, w], px, of any coarser grid.
 
     Give means [N, 5, H/cell, W/cell] over cells of ``cell`` x ``cell`` pixels of the views: the slope, the difference
     of the views, their product, and the squares of both.
     """
     width = left.shape[-1]
-    finer = (float(grid // ROWS), float(grid))
-    shift = F.interpolate(disparity, scale_factor=finer, mode="bilinear", align_corners=False)
+    shift = F.interpolate(disparity, size=left.shape[-2:], mode="bilinear", align_corners=False)
     column = torch.arange(width, dtype=left.dtype, device=left.device)
     position = (column - shift).clamp(0, width - 1)
     # The last column has no right neighbour: it is seen from the one before.

@@ -94,7 +94,7 @@ class Wang2020(StereoNetwork):
         """Return what the pictures say that a coarse disparity [N, 1, H/8, W/8], px, still lacks."""
         bright = brightness(torch.cat([left, right]))
         pairs = left.shape[0]
-        return likely_step(moments(bright[:pairs], bright[pairs:], disparity, CELL, CELL))
+        return likely_step(moments(bright[:pairs], bright[pairs:], disparity, CELL))
 
     def refine(self, coarse: Coarse) -> Prediction:
         """Add what the left view tells about edges, and rectify."""
