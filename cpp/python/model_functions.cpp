@@ -1,7 +1,4 @@
 // The functions of model files: for onnxruntime, which finds them by a name of its own, and one by one for tests.
-#include <pybind11/functional.h>
-
-#include <cstring>
 #include <map>
 #include <string>
 #include <vector>

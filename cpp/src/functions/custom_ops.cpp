@@ -130,7 +130,7 @@ double setting(const Api& api, const KernelInfo* info, const char* name) {
   float number = 0.0f;
   int64_t whole = 0;
   Status* status = api.call<KernelInfoGetFloat>(info, name, &number);
-  if (status == nullptr) return number;
+  if (status == nullptr) return static_cast<double>(number);
   api.call<ReleaseStatus>(status);
   status = api.call<KernelInfoGetInt>(info, name, &whole);
   if (status == nullptr) return static_cast<double>(whole);
