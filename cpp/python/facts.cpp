@@ -9,6 +9,7 @@
 #include "bindings.hpp"
 #include "frame_path/causes.hpp"
 #include "frame_path/settings.hpp"
+#include "geometry/rig_file.hpp"
 #include "geometry/rig_rules.hpp"
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
@@ -43,6 +44,8 @@ void bind_enums(py::module_& m) {
 void bind_numbers(py::module_& m) {
   m.attr("default_min_confidence") = FramePathSettings().limits.min_confidence;
   m.attr("confidence_parts") = confidence_parts;
+  m.attr("rig_file_format") = rig_file_format;
+  m.attr("rig_file_version") = rig_file_version;
   m.attr("plausible_baseline_mm") = py::make_tuple(plausible_baseline_mm[0], plausible_baseline_mm[1]);
   m.attr("range_margin") = range_margin;
   m.attr("saturation_level") = saturation_level;

@@ -226,6 +226,8 @@ def displacement_of_frames(left: _Bytes, right: _Bytes) -> float:
 # Frames that are less apart are one view; what is farther apart than can be told is as far as this.
 displacement_of_one_view: float
 farthest_displacement: float
+rig_file_format: str
+rig_file_version: int
 plausible_baseline_mm: tuple[float, float]
 
 def resize_bilinear(src: _Map, out: _Map, scale_y: float, scale_x: float, gain: float) -> None:

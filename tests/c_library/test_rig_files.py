@@ -48,7 +48,7 @@ def test_an_estimator_takes_it_and_says_the_same_hash(library: ctypes.CDLL, tmp_
     assert result.identity.calibration_sha256.decode() == rig.sha256
 
 
-def test_an_older_program_gets_the_fields_that_it_knows(library: ctypes.CDLL, tmp_path: Path) -> None:
+def test_arguments_that_cannot_be_are_refused(library: ctypes.CDLL, tmp_path: Path) -> None:
     raw_rig().save(tmp_path / "rig.json")
     text = (tmp_path / "rig.json").read_bytes()
     calibration = c.Calibration(struct_size=8)

@@ -94,7 +94,7 @@ def test_planes_of_any_kind(dense: int, sparse: int, reach: int) -> None:
         np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=5e-4)
 
 
-def test_what_is_no_number_stays_where_it_is() -> None:
+def test_what_is_no_number_does_no_harm() -> None:
     for name in ("CompareViews", "AnswerOfPlanes", "ChooseSurface"):
         inputs, settings, _ = CASES[name](1, 9, 13)
         for i in range(len(inputs)):

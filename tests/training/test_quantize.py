@@ -11,7 +11,7 @@ from onnx import numpy_helper
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import parse_metadata, shipped_models
 from endosdk.training.integer_steps import LEAST_CHANNELS, unsaturated_steps
-from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model
+from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model, read_ranges
 from tests.training.one_frame import OneFrame
 from tests.training.warped_scenes import warped_pair
 
@@ -83,7 +83,7 @@ def largest_pair_sums(rows):
 
 
 def test_ranges_of_a_file_serve_the_same_weights_exported_anew(files, exported, tmp_path):
-    quantize_like(files.full, tmp_path / "again.onnx", files.quantised)
+    quantize_like(files.full, tmp_path / "again.onnx", read_ranges(files.quantised))
     measured, taken = (constants(path) for path in (files.quantised, tmp_path / "again.onnx"))
     assert measured.keys() == taken.keys()
     differing = {name for name in measured if not np.array_equal(measured[name], taken[name])}
@@ -92,10 +92,18 @@ def test_ranges_of_a_file_serve_the_same_weights_exported_anew(files, exported, 
     one, other = run(files.quantised), run(tmp_path / "again.onnx")
     assert np.abs(one[0] - other[0]).mean() < 0.002 * one[0].mean()
     with pytest.raises(InvalidArgument, match="no 8-bit layer with the weights"):
-        quantize_like(exported["cascade"].path, tmp_path / "other.onnx", files.quantised)
+        quantize_like(exported["cascade"].path, tmp_path / "other.onnx", read_ranges(files.quantised))
     with pytest.raises(InvalidArgument, match="no 8-bit layer with the weights"):
-        quantize_like(files.full, tmp_path / "other.onnx", files.full)
+        quantize_like(files.full, tmp_path / "other.onnx", read_ranges(files.full))
     assert not (tmp_path / "other.onnx").exists()
+
+
+@pytest.mark.parametrize("content", [None, b"no model"])
+def test_a_file_without_ranges_is_refused_by_name(tmp_path, content):
+    if content is not None:
+        (tmp_path / "known.onnx").write_bytes(content)
+    with pytest.raises(InvalidArgument, match=r"ranges_of: must be an 8-bit ONNX file; got .*known\.onnx"):
+        read_ranges(tmp_path / "known.onnx")
 
 
 def test_planes_move_as_bytes(files):

@@ -13,8 +13,6 @@
 namespace endosdk {
 namespace {
 
-constexpr std::string_view format = "endosdk-stereo-calibration";
-
 template <typename Rule, typename Value>
 void require_readable(bool holds, const std::string& field, const Rule& rule, const Value& value) {
   require(holds, ENDO_CALIBRATION_UNREADABLE, field, rule, value);
@@ -121,8 +119,8 @@ void read_camera(const Fields& camera, double (&matrix)[9], double (&distortion)
 endo_calibration read_rig_file(std::string_view text) {
   require_readable(text.size() <= longest_rig_file, Fields::root, Text("must be at most ", longest_rig_file, " bytes"), text.size());
   const Fields file(Fields::root, text);
-  require_readable(file.text("format") == format, "format", Text("must be ", format), shown(file.text("format")));
-  require_readable(file.whole("version") == 1, "version", "must be 1", file.whole("version"));
+  require_readable(file.text("format") == rig_file_format, "format", Text("must be ", rig_file_format), shown(file.text("format")));
+  require_readable(file.whole("version") == rig_file_version, "version", Text("must be ", rig_file_version), file.whole("version"));
   require_readable(file.text("units") == "mm", "units", "must be mm", shown(file.text("units")));
   const std::string model = file.text("model");
   require_readable(model == "pinhole" || model == "fisheye", "model", "must be pinhole or fisheye", shown(model));

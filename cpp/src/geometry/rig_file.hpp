@@ -7,6 +7,10 @@
 
 namespace endosdk {
 
+// What a file says of itself.
+constexpr const char* rig_file_format = "endosdk-stereo-calibration";
+constexpr int rig_file_version = 1;
+
 // The longest text; a file of two cameras takes two thousand bytes.
 constexpr size_t longest_rig_file = 1 << 20;
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import onnx
+from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 from onnx import numpy_helper
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
@@ -26,10 +27,9 @@ from endosdk.io.progress import progress
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.integer_steps import LEAST_CHANNELS, convolution_steps, unsaturated_steps
 from endosdk.training.model_file import write_model
-from endosdk.training.ranges import MOVES, Step, ranges_of, same_steps
+from endosdk.training.ranges import MOVES, OVER_BYTES, Step, ranges_of, same_steps
 
 PREFIX = "endosdk."
-OVER_BYTES = "PlanesAround"  # a function that only moves values
 BYTES = "Bytes"  # ends the name of a function that moves bytes
 
 Names = dict[str, onnx.NodeProto]
@@ -44,12 +44,20 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
     _quantize(source, model, out, _Frames(reader, indices, properties), {}, len(indices))
 
 
-def quantize_like(source: Path, out: Path, known: Path) -> None:
-    """Write the 8-bit form of the float model ``source`` to ``out``; ranges are those of ``known``.
+def read_ranges(path: Path) -> onnx.ModelProto:
+    """Read an 8-bit file for `quantize_like`. Raises InvalidArgument where there is none."""
+    try:
+        return onnx.load(path)
+    except (OSError, DecodeError) as error:
+        raise InvalidArgument("ranges_of", "must be an 8-bit ONNX file", f"{path} ({error})") from error
 
-    That is an 8-bit file of the same weights, perhaps of an earlier release. Raises InvalidArgument for another file.
+
+def quantize_like(source: Path, out: Path, before: onnx.ModelProto) -> None:
+    """Write the 8-bit form of the float model ``source`` to ``out``; ranges are those of the 8-bit model ``before``.
+
+    It has the same weights, perhaps in an earlier release. Raises InvalidArgument for another model.
     """
-    model, before = onnx.load(source), onnx.load(known)
+    model = onnx.load(source)
     ranges = ranges_of(before.graph, model.graph, _quantised_nodes(model.graph))
     pairs = json.loads(_properties(before).get(PREFIX + "training", "{}")).get("quantisation", {}).get("pairs", 0)
     blank = _Blank(int(_properties(model)[PREFIX + "input_multiple"]))

@@ -12,6 +12,8 @@ from onnx import numpy_helper
 
 from endosdk.errors import InvalidArgument
 
+OVER_BYTES = "PlanesAround"  # a function that only moves values
+
 # Operators whose results lie in the range of their first input, and have its steps.
 MOVES = (
     "Unsqueeze",
@@ -24,7 +26,7 @@ MOVES = (
     "Transpose",
     "Gather",
     "Split",
-    "PlanesAround",
+    OVER_BYTES,
 )
 
 Step = tuple[NDArray[Any], NDArray[Any]]  # scale and zero point

@@ -16,7 +16,7 @@ from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
-from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model
+from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model, read_ranges
 from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.validation import full_scores
 
@@ -55,7 +55,8 @@ def release(
     if int8 is not None and not is_plain_name(int8.stem):
         raise InvalidArgument("int8", f"its name {RULE}", repr(int8.stem))
     reader = _test_split(trained, data, layout)
-    # Before the scoring, which takes minutes.
+    # Both before the scoring, which takes minutes.
+    known = None if ranges_of is None else read_ranges(ranges_of)
     ranges = _range_pairs(trained) if int8 is not None and ranges_of is None else None
     keep_freed_memory()  # the frames of the test split go through torch on the CPU
     network = trained.build()
@@ -80,8 +81,8 @@ def release(
     if int8 is not None:
         if ranges is not None:
             quantize_model(path, int8, *ranges)
-        elif ranges_of is not None:
-            quantize_like(path, int8, ranges_of)
+        elif known is not None:
+            quantize_like(path, int8, known)
         int8_scores = evaluate(estimator_method(str(int8)), reader)
         describe_quantised(int8, int8.stem, {**_note(reader), **int8_scores})
         report["int8"] = int8_scores

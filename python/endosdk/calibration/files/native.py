@@ -22,6 +22,7 @@ from typing import Any
 
 import yaml
 
+from endosdk import _core
 from endosdk.calibration.files.stated import StatedRig, read_text, refusal, required, yaml_mapping
 from endosdk.calibration.rules import check_size
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
@@ -29,8 +30,7 @@ from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json
 from endosdk.io.whole_files import write_text
 
-FORMAT = "endosdk-stereo-calibration"
-VERSION = 1
+FORMAT, VERSION = _core.rig_file_format, _core.rig_file_version
 YAML_ENDINGS = (".yaml", ".yml")
 ENDINGS = (".json", *YAML_ENDINGS)
 
