@@ -129,6 +129,45 @@ def test_bad_size_is_refused(tmp_path, capsys):
     assert "960x720" in capsys.readouterr().err
 
 
+def test_limits_take_depth_from_pixels(tmp_path, capsys):
+    left, right = shifted_pair(96, 160, 12)  # 83.3 mm away
+    StereoCalibration.rectified(focal_px=200.0, baseline_mm=5.0, size=(160, 96)).save(tmp_path / "rig.json")
+    rig = ("--calibration", str(tmp_path / "rig.json"))
+    words = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right), "--model", str(TINY_MODEL), *rig]
+
+    def depths(*limits):
+        main(["predict", *words, "--out", str(tmp_path / "out"), *limits])
+        depth = cv2.imread(str(tmp_path / "out" / "depth.png"), cv2.IMREAD_UNCHANGED) / 10
+        return depth[depth > 0]
+
+    without = depths()
+    assert np.median(without) == pytest.approx(1000 / 12, abs=1)
+    within = depths("--depth-range", "80,85")
+    assert 0 < within.size < without.size and within.min() >= 79.9 and within.max() <= 85.1
+    assert depths("--depth-range", "90,200").size < 0.2 * without.size
+    assert depths("--min-confidence", "1").size < without.size
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        (("--depth-range", "20"), "depth_range_mm: must be NEAREST,FARTHEST in mm, such as 20,200; got '20'"),
+        (("--depth-range", "200,20"), "depth_range_mm: must be"),
+        (("--depth-range", "20,200"), "CALIBRATION_REQUIRED"),
+        (("--min-confidence", "1.5"), "min_confidence: must be"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["predict", "batch"])
+def test_limits_that_cannot_be_are_refused(verb, limits, said, tmp_path, capsys):
+    pair = []
+    for side, view in zip(("left", "right"), shifted_pair(32, 64, 2), strict=True):
+        (tmp_path / side).mkdir()
+        path = write(tmp_path / side / "1.png", view)
+        pair.append(path if verb == "predict" else str(tmp_path / side))
+    assert main([verb, *pair, "--out", str(tmp_path / "out"), "--model", str(TINY_MODEL), *limits]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_doctor_is_content_with_this_installation(capsys):
     assert main(["doctor"]) == 0
     printed = capsys.readouterr().out

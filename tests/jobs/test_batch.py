@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -20,6 +21,7 @@ from endosdk.commands.cli import main
 from endosdk.errors import DatasetInvalid, InvalidArgument, ModelNotFound
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.jobs.batch import Settings, find_pairs, run_batch
+from endosdk.runtime.limits import Limits
 from tests.ray_cluster import a_worker_killed, ray_cluster, ray_quiet
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
@@ -170,8 +172,11 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
 
 def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
     pairs = find_pairs(archive / "left", archive / "right")
-    for other in (Settings("fast-fp32", settings.calibration), Settings("fast", settings.calibration, (160, 120))):
-        with pytest.raises(InvalidArgument, match="out: must be new, or hold a batch of the same model, rig and size"):
+    changes = ({"model": "fast-fp32"}, {"network_size": (160, 120)}, {"limits": Limits(0.9)})
+    for other in (replace(settings, **change) for change in changes):
+        with pytest.raises(
+            InvalidArgument, match="out: must be new, or a batch of the same model, rig, size and limits"
+        ):
             run_batch(pairs, other, done)
 
 
@@ -180,7 +185,7 @@ def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
     [
         ("", r"batch\.json must be what this command wrote"),
         ("[]", r"batch\.json must be what this command wrote"),
-        ('{"format_version": 0, "settings": {}}', "must be new, or hold a batch of .* this version"),
+        ('{"format_version": 0, "settings": {}}', "must be new, or a batch of .* this version"),
     ],
 )
 def test_a_record_that_is_none_of_ours_is_refused(archive, settings, tmp_path, text, rule):

@@ -255,7 +255,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_view(video, small_disk, monk
 
 
 def test_other_settings_are_refused(recorded, video):
-    with pytest.raises(InvalidArgument, match="same source, model and rig"):
+    with pytest.raises(InvalidArgument, match="same source, model, rig and limits"):
         record(endosdk.open_source(video), estimator(None), recorded)
 
 

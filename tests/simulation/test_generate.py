@@ -20,6 +20,7 @@ from endosdk.commands.simulate import _recipe
 from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
+from endosdk.io.locks import LOCK, locked_folder
 from endosdk.simulation.generate import generate
 from endosdk.simulation.recipe import SEED_BLOCK, TEST_OFFSET, Recipe
 
@@ -220,7 +221,7 @@ def test_a_full_disk_leaves_nothing_half_written(
     room(2000)
     assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
     assert "out: must be writable" in capsys.readouterr().err
-    assert [path.name for path in out.iterdir()] == ["recipe.json"]
+    assert {path.name for path in out.iterdir()} == {LOCK, "recipe.json"}
     room(100_000_000)
     assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
     assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
@@ -290,6 +291,14 @@ def _runs(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def test_two_runs_do_not_write_one_set(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = Path(shutil.copytree(whole, tmp_path / "set"))
+    with locked_folder(out, "out"):
+        assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
+    assert "out: must not be in use by another process" in capsys.readouterr().err
+    assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
 
 
 def test_no_worker_is_refused(tmp_path: Path) -> None:

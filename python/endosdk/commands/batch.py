@@ -5,7 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from endosdk.commands.options import add_calibration, add_model, add_processes, add_session, session_options
+from endosdk.commands.options import (
+    add_calibration,
+    add_limits,
+    add_model,
+    add_processes,
+    add_session,
+    limit_options,
+    session_options,
+)
 from endosdk.commands.report import Report
 
 
@@ -17,6 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     add_calibration(parser)
     add_session(parser, all_threads="all cores, at most 8; 1 in each of several workers")
+    add_limits(parser)
     add_processes(parser)
 
 
@@ -26,12 +35,13 @@ def run(args: argparse.Namespace) -> int:
     from endosdk.errors import InvalidArgument
     from endosdk.jobs.batch import PAIRS, Settings, find_pairs, run_batch
     from endosdk.live.sources.words import two_folders
+    from endosdk.runtime.limits import Limits
 
     options = session_options(args)
     if args.threads is None and (args.ray or args.workers > 1):
         options["threads"] = 1
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    settings = Settings(model=args.model, calibration=rig, **options)
+    settings = Settings(model=args.model, calibration=rig, limits=Limits(**limit_options(args)), **options)
     folders = two_folders(args.left) if args.right is None else (Path(args.left), Path(args.right))
     if folders is None:
         raise InvalidArgument("source", "must be LEFT,RIGHT, two folders, or a folder with left and right", args.left)

@@ -126,6 +126,21 @@ def add_session(
     parser.add_argument("--threads", type=int, default=threads, help=f"CPU threads{default}")
 
 
+def add_limits(parser: argparse.ArgumentParser) -> None:
+    """Add which answers count."""
+    parser.add_argument(
+        "--min-confidence",
+        type=float,
+        default=_core.default_min_confidence,
+        help="pixels of less confidence have no depth, 0..1",
+    )
+    parser.add_argument(
+        "--depth-range",
+        metavar="NEAREST,FARTHEST",
+        help="pixels nearer or farther have no depth, mm, such as 20,200; needs --calibration (default: none)",
+    )
+
+
 def add_processes(parser: argparse.ArgumentParser) -> None:
     """Add who does the tasks of a long job."""
     parser.add_argument("--workers", type=int, default=1, help="number of parallel processes")
@@ -142,6 +157,24 @@ def session_options(args: argparse.Namespace) -> dict[str, Any]:
         "threads": args.threads,
         "network_size": parse_size(args.network_size, "network_size") if args.network_size else None,
     }
+
+
+def limit_options(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what `add_limits` added as arguments of `DepthEstimator`."""
+    options: dict[str, Any] = {"min_confidence": args.min_confidence}
+    if args.depth_range is not None:
+        options["depth_range_mm"] = parse_depth_range(args.depth_range)
+    return options
+
+
+def parse_depth_range(text: str) -> tuple[float, float]:
+    """Turn ``NEAREST,FARTHEST`` into a pair; the estimator checks what the numbers say."""
+    try:
+        nearest, farthest = (float(part) for part in text.split(","))
+    except ValueError:
+        rule = "must be NEAREST,FARTHEST in mm, such as 20,200"
+        raise InvalidArgument("depth_range_mm", rule, repr(text)) from None
+    return nearest, farthest
 
 
 def parse_size(

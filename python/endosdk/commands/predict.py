@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from endosdk import _core
-from endosdk.commands.options import add_calibration, add_model, add_session, session_options
+from endosdk.commands.options import (
+    add_calibration,
+    add_limits,
+    add_model,
+    add_session,
+    limit_options,
+    session_options,
+)
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
 
@@ -28,6 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     add_calibration(parser)
     add_session(parser)
+    add_limits(parser)
     parser.add_argument(
         "--truth",
         type=Path,
@@ -48,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         raise InvalidArgument("frames", "must not be negative", args.frames)
     left, right = read_frame(args.left), read_frame(args.right)
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    estimator = DepthEstimator(args.model, calibration=rig, **session_options(args))
+    estimator = DepthEstimator(args.model, calibration=rig, **session_options(args), **limit_options(args))
     result = estimator.predict(left, right)
     timings, totals = _timed(estimator, left, right, args.frames)
     truth = _read_truth(args.truth, result) if args.truth else None

@@ -5,7 +5,14 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, get_args
 
-from endosdk.commands.options import add_calibration, add_model, add_session, session_options
+from endosdk.commands.options import (
+    add_calibration,
+    add_limits,
+    add_model,
+    add_session,
+    limit_options,
+    session_options,
+)
 from endosdk.live.sources.source import Layout, Queue, Scan
 
 if TYPE_CHECKING:
@@ -47,6 +54,7 @@ def add_estimator(parser: argparse.ArgumentParser) -> None:
     add_model(parser)
     add_calibration(parser)
     add_session(parser)
+    add_limits(parser)
     parser.add_argument("--temporal", action="store_true", help="temporal filter: reduce flicker between frames")
 
 
@@ -63,4 +71,4 @@ def made_estimator(args: argparse.Namespace) -> DepthEstimator:
     from endosdk import DepthEstimator, StereoCalibration
 
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    return DepthEstimator(args.model, calibration=rig, **session_options(args))
+    return DepthEstimator(args.model, calibration=rig, **session_options(args), **limit_options(args))

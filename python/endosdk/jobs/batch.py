@@ -29,6 +29,7 @@ from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import remove_partials, whole_folder, write_text
 from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
 from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.limits import DEFAULT_LIMITS, Limits
 from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import DepthResult
 from endosdk.runtime.result_files import write_maps
@@ -59,6 +60,7 @@ class Settings:
     provider: str = "cpu"
     provider_options: Mapping[str, str] | None = None
     threads: int | None = None  # of one worker; the maps do not depend on it
+    limits: Limits = DEFAULT_LIMITS
 
 
 def find_pairs(left: str | Path, right: str | Path) -> list[PairFiles]:
@@ -93,6 +95,7 @@ def run_batch(
         "network_size": None if settings.network_size is None else list(settings.network_size),
         "provider": settings.provider,
         "provider_options": dict(settings.provider_options or {}),
+        **settings.limits.described(),
     }
     job = _Job(Path(out).resolve(), settings, model.sha256)
     fresh = {"format_version": FORMAT_VERSION, "settings": described}
@@ -102,7 +105,7 @@ def run_batch(
             RECORD,
             fresh,
             lambda begun: {name: begun.get(name) for name in fresh} == fresh,
-            "must be new, or hold a batch of the same model, rig and size, by the same provider and this version",
+            "must be new, or a batch of the same model, rig, size and limits, by the same provider and this version",
         )
         missing = [pair for pair in pairs if not job.folder(pair).is_dir()]
         for pair in set(pairs).difference(missing):
@@ -193,7 +196,8 @@ _estimators: dict[tuple[object, ...], DepthEstimator] = {}
 def _opened(settings: Settings) -> DepthEstimator:
     rig = settings.calibration
     options = tuple(sorted((settings.provider_options or {}).items()))
-    key = (settings.model, rig and rig.sha256, settings.network_size, settings.provider, options, settings.threads)
+    session = (settings.network_size, settings.provider, options, settings.threads)
+    key = (settings.model, rig and rig.sha256, *session, settings.limits)
     if key not in _estimators:
         _estimators.clear()
         _estimators[key] = DepthEstimator(
@@ -203,6 +207,7 @@ def _opened(settings: Settings) -> DepthEstimator:
             provider_options=settings.provider_options,
             threads=settings.threads,
             network_size=settings.network_size,
+            **settings.limits._asdict(),
         )
     return _estimators[key]
 

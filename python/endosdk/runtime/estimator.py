@@ -25,6 +25,7 @@ from endosdk.runtime.arguments import (
     check_switch,
     check_threads,
 )
+from endosdk.runtime.limits import EVERY_DEPTH, Limits
 from endosdk.runtime.maps import Maps
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.rectify import rig_numbers
@@ -89,7 +90,7 @@ class DepthEstimator:
         channel_order: str = "rgb",
         network_size: tuple[int, int] | None = None,
         min_confidence: float = _core.default_min_confidence,
-        depth_range_mm: tuple[float, float] = (0.0, math.inf),
+        depth_range_mm: tuple[float, float] = EVERY_DEPTH,
         deadline_ms: float = 0.0,
         max_age_ms: float = 0.0,
         runtime_sha256: str | None = None,
@@ -97,16 +98,18 @@ class DepthEstimator:
     ) -> None:
         if calibration is not None and not isinstance(calibration, StereoCalibration):
             raise InvalidArgument("calibration", "must be a StereoCalibration", type(calibration).__name__)
+        limits = Limits(
+            check_number("min_confidence", min_confidence, "must be a number in 0..1"), check_range(depth_range_mm)
+        )
         settings = _core.FramePathSettings(
             check_order(channel_order),
             check_threads(threads),
             check_size(network_size),
-            check_number("min_confidence", min_confidence, "must be a number in 0..1"),
-            check_range(depth_range_mm),
+            *limits,
             check_number("deadline_ms", deadline_ms, "must be finite and not negative"),
             check_number("max_age_ms", max_age_ms, "must be finite and not negative"),
         )
-        if calibration is None and tuple(depth_range_mm) != (0.0, math.inf):
+        if calibration is None and limits.depth_range_mm != EVERY_DEPTH:
             raise CalibrationRequired("depth_range_mm", _core.calibration_rule, "no calibration")
         options = checked_options(provider, provider_options)
         # Before the model is read: which file that is, and what the log says of it, depends on the provider.
@@ -121,6 +124,7 @@ class DepthEstimator:
             runtime_sha256=runtime_sha256,
         )
         self._info = session.info
+        self._limits = limits
         self._channel_order = channel_order
         self._path = _core.FramePath(session, settings)
         self._calibration = calibration
@@ -145,6 +149,11 @@ class DepthEstimator:
     def model(self) -> ModelInfo:
         """What the loaded model says of itself."""
         return self._info
+
+    @property
+    def limits(self) -> Limits:
+        """Which answers count as valid: the least confidence, and the range of depth."""
+        return self._limits
 
     @property
     def calibration(self) -> StereoCalibration | None:

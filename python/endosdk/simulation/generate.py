@@ -9,6 +9,7 @@ from typing import Any
 
 from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, hash_sample, read_record, write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.io.locks import locked_folder
 from endosdk.io.progress import progress as progress_bar
 from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import write_text
@@ -34,8 +35,9 @@ def generate(
 
     A sample's folder appears whole or not at all, so a killed run is continued by calling this again. With ``ray``,
     ``workers`` is how many renderers run at a time on the cluster, all of whose machines must see ``root``.
-    Raises InvalidArgument when ``root`` holds a set made by another recipe, StorageFailed when it cannot be written,
-    RendererUnavailable when the renderer cannot start, DatasetInvalid when a finished sample was damaged.
+    Raises InvalidArgument when ``root`` holds a set made by another recipe or another process is at work there,
+    StorageFailed when it cannot be written, RendererUnavailable when the renderer cannot start, DatasetInvalid when a
+    finished sample was damaged.
     """
     if workers < 1:
         raise InvalidArgument("workers", "must be at least 1", workers)
@@ -43,14 +45,15 @@ def generate(
     missing = [task for task in recipe.tasks() if not job.is_done(task)]
     if missing:
         job.check()
-    _claim(job.root, recipe)
-    _check_finished(job.root)
-    if missing:
-        (job.root / "dataset.json").unlink(missing_ok=True)
-        _render_all(job, missing, workers, progress, ray)
-    record = _record(job)
-    write_dataset_record(job.root, record)
-    return record
+    _claim(job.root, recipe)  # first, so that a folder of something else stays as it is
+    with locked_folder(job.root, "out"):
+        _check_finished(job.root)
+        if missing:
+            (job.root / "dataset.json").unlink(missing_ok=True)
+            _render_all(job, missing, workers, progress, ray)
+        record = _record(job)
+        write_dataset_record(job.root, record)
+        return record
 
 
 def _claim(root: Path, recipe: Recipe) -> None:

@@ -178,6 +178,7 @@ def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, tempo
         "map": {"name": quantity, "unit": "px" if rig is None else "mm", "step": STEPS[quantity]},
         "pictures": pictures,
         "temporal": temporal,
+        **estimator.limits.described(),
     }
 
 
@@ -221,7 +222,7 @@ def _claimed(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
         RECORD,
         fresh,
         lambda begun: (begun.get("format_version"), begun.get("settings")) == (FORMAT_VERSION, settings),
-        "must be new, or a recording of the same source, model and rig, begun by this version",
+        "must be new, or a recording of the same source, model, rig and limits, begun by this version",
     )
 
 
