@@ -13,6 +13,9 @@ MANIFEST = SOURCES / "models" / "models.toml"
 
 STALE = r"\*"  # behind the label of a row or column whose model file no longer ships
 STALE_NOTE = f"{STALE} Measured with a file that no longer ships; the record has its version and hash."
+EARLIER = "†"  # behind one whose model file was replaced by a file of the same weights
+EARLIER_NOTE = f"{EARLIER} Of an earlier, slower file with the same weights: `speed/earlier_files.json`."
+NOTES = {STALE: STALE_NOTE, EARLIER: EARLIER_NOTE}
 
 CARDS = ("fast", "fast-320", "accurate", "wang2020")
 METHODS = {
@@ -49,5 +52,17 @@ def marked(label: str, sha256: str | None) -> str:
 
     Every table that shows a model's numbers marks its rows or its columns here.
     """
-    shipped = tomllib.loads(MANIFEST.read_text()).values()
-    return label if sha256 is None or sha256 in {entry["sha256"] for entry in shipped} else f"{label} {STALE}"
+    if sha256 is None or sha256 in shipped():
+        return label
+    return f"{label} {EARLIER if sha256 in earlier_files() else STALE}"
+
+
+def shipped() -> set[str]:
+    """Return the hashes of the files that ship."""
+    return {entry["sha256"] for entry in tomllib.loads(MANIFEST.read_text()).values()}
+
+
+def earlier_files() -> set[str]:
+    """Return the hashes of the files that a record compares with a file of the same weights that ships."""
+    compared = read("speed/earlier_files")["models"].values()
+    return {one["earlier_sha256"] for one in compared if one["model_sha256"] in shipped()}

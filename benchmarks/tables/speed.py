@@ -18,6 +18,7 @@ SPEEDS = {
 }
 AVX2_SPEEDS = {
     "zen3_fast": "fast, 960 x 720, 2",
+    "zen3_fast_1920x1080": "fast, 1920 x 1080, 2",
     "zen3_fast-320": "fast-320, 960 x 720, 2",
     "zen3_accurate": "accurate, 960 x 720, 2",
 }
@@ -30,6 +31,8 @@ SHORT_SPEEDS = {
     "fast_1920x1080": "fast, 1920 x 1080, VNNI",
     "fast-320": "fast-320, 960 x 720, VNNI",
     "accurate": "accurate, 960 x 720, VNNI",
+    "zen3_fast": "fast, 960 x 720, AVX2 alone",
+    "zen3_fast-320": "fast-320, 960 x 720, AVX2 alone",
 }
 # What a card shows of the speed, besides the run at 960 x 720 on two threads.
 CARD_RUNS = ("1920x1080", "1thread")
