@@ -22,7 +22,7 @@ from benchmarks.tables.records import CARDS, RESULTS, SOURCES
 from benchmarks.tables.speed import (
     AVX2_SPEEDS,
     GPU_SPEEDS,
-    SPEEDS,
+    VNNI_SPEEDS,
     arm_instructions_table,
     card_speed_table,
     gpu_variants_table,
@@ -72,7 +72,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "middlebury": partial(parts_table, "accuracy/middlebury"),
     "lap": partial(parts_table, "accuracy/accuracy_lap"),
     "lap-cycles": partial(parts_table, "accuracy/accuracy_lap_cycles"),
-    "speed": partial(speed_table, SPEEDS),
+    "speed": partial(speed_table, VNNI_SPEEDS),
     "speed-avx2": partial(speed_table, AVX2_SPEEDS),
     "speed-gpu": partial(speed_table, GPU_SPEEDS),
     "gpu-variants": gpu_variants_table,

@@ -15,6 +15,7 @@ from endosdk.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from endosdk.calibration.rig import StereoCalibration
+    from endosdk.runtime.estimator import DepthEstimator
 
 
 class _Help(argparse.HelpFormatter):
@@ -157,6 +158,22 @@ def session_options(args: argparse.Namespace) -> dict[str, Any]:
         "threads": args.threads,
         "network_size": parse_size(args.network_size, "network_size") if args.network_size else None,
     }
+
+
+def add_estimator(parser: argparse.ArgumentParser) -> None:
+    """Add the model, the rig, and how they are used: what `made_estimator` reads."""
+    add_model(parser)
+    add_calibration(parser)
+    add_session(parser)
+    add_limits(parser)
+
+
+def made_estimator(args: argparse.Namespace) -> DepthEstimator:
+    """Make the estimator that the arguments describe."""
+    from endosdk import DepthEstimator, StereoCalibration
+
+    rig = StereoCalibration.load(args.calibration) if args.calibration else None
+    return DepthEstimator(args.model, calibration=rig, **session_options(args), **limit_options(args))
 
 
 def limit_options(args: argparse.Namespace) -> dict[str, Any]:

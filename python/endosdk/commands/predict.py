@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from endosdk import _core
-from endosdk.commands.options import (
-    add_calibration,
-    add_limits,
-    add_model,
-    add_session,
-    limit_options,
-    session_options,
-)
+from endosdk.commands.options import add_estimator, made_estimator
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
 
@@ -32,10 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("left", type=Path, help="image file of the left view")
     parser.add_argument("right", type=Path, help="image file of the right view")
-    add_model(parser)
-    add_calibration(parser)
-    add_session(parser)
-    add_limits(parser)
+    add_estimator(parser)
     parser.add_argument(
         "--truth",
         type=Path,
@@ -48,15 +38,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Predict, write the files, say what was found; the status is 1 where the maps cannot be used."""
-    from endosdk import DepthEstimator, Status, StereoCalibration
+    from endosdk import Status
     from endosdk.io.pictures import read_frame
     from endosdk.runtime.result_files import write_result
 
     if args.frames < 0:
         raise InvalidArgument("frames", "must not be negative", args.frames)
     left, right = read_frame(args.left), read_frame(args.right)
-    rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    estimator = DepthEstimator(args.model, calibration=rig, **session_options(args), **limit_options(args))
+    estimator = made_estimator(args)
     result = estimator.predict(left, right)
     timings, totals = _timed(estimator, left, right, args.frames)
     truth = _read_truth(args.truth, result) if args.truth else None
@@ -74,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     _report_speed(report, timings, totals)
     if truth is not None:
         _report_error(report, result, truth)
-    _report_rows(report, *views, calibrated=rig is not None)
+    _report_rows(report, *views, calibrated=estimator.calibration is not None)
     report.record["files"] = files
     for number, path in enumerate(files.values()):
         report.line(f"{'' if number else 'written':10} {path}")

@@ -6,14 +6,16 @@ import argparse
 import sys
 from pathlib import Path
 
+from endosdk.commands.options import add_estimator, made_estimator
 from endosdk.commands.report import Report
-from endosdk.commands.sources import add_estimator, add_source, made_estimator, opened_source
+from endosdk.commands.sources import add_source, add_temporal, opened_source
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_source(parser)
     add_estimator(parser)
+    add_temporal(parser)
     parser.add_argument(
         "--out",
         type=Path,

@@ -1,23 +1,14 @@
-"""What the verbs that read a source have in common: its options, and the estimator that looks at it."""
+"""What the verbs that read a source have in common: its options, and how it is opened."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING, get_args
 
-from endosdk.commands.options import (
-    add_calibration,
-    add_limits,
-    add_model,
-    add_session,
-    limit_options,
-    session_options,
-)
 from endosdk.live.sources.source import Layout, Queue, Scan
 
 if TYPE_CHECKING:
     from endosdk.live.sources.source import Source
-    from endosdk.runtime.estimator import DepthEstimator
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
@@ -49,12 +40,8 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_estimator(parser: argparse.ArgumentParser) -> None:
-    """Declare the model and the rig."""
-    add_model(parser)
-    add_calibration(parser)
-    add_session(parser)
-    add_limits(parser)
+def add_temporal(parser: argparse.ArgumentParser) -> None:
+    """Declare the filter over frames."""
     parser.add_argument("--temporal", action="store_true", help="temporal filter: reduce flicker between frames")
 
 
@@ -64,11 +51,3 @@ def opened_source(args: argparse.Namespace, word: str | None = None) -> Source:
 
     name = args.source if word is None else word
     return open_source(name, layout=args.layout, queue=args.queue, scan=args.scan, rate=args.rate, raw=args.raw)
-
-
-def made_estimator(args: argparse.Namespace) -> DepthEstimator:
-    """Make the estimator that the arguments describe."""
-    from endosdk import DepthEstimator, StereoCalibration
-
-    rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    return DepthEstimator(args.model, calibration=rig, **session_options(args), **limit_options(args))

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endosdk.commands.sources import add_estimator, add_source, made_estimator, opened_source
+from endosdk.commands.options import add_estimator, made_estimator
+from endosdk.commands.sources import add_source, add_temporal, opened_source
 
 if TYPE_CHECKING:
     from endosdk.live.viewer import Player
@@ -25,6 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_source(parser)
     add_estimator(parser)
+    add_temporal(parser)
     parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1 (default: a free port)")
     parser.add_argument("--open", action="store_true", help="open the page in the default browser")
     parser.add_argument("--paused", action="store_true", help="start paused")
