@@ -3,8 +3,6 @@ import subprocess
 import sys
 import threading
 import time
-import tracemalloc
-from contextlib import closing, contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -143,42 +141,6 @@ def test_an_error_comes_in_its_turn_and_the_estimator_lives(source, error, good)
 def test_what_is_no_source_is_refused_at_once():
     with pytest.raises(errors.InvalidArgument, match="source"):
         DepthEstimator(TINY_MODEL).stream(3)
-
-
-@contextmanager
-def traced_memory():
-    """Trace Python's and NumPy's memory. Streams begin and end inside: to stop while a thread allocates is a crash."""
-    tracemalloc.start()
-    try:
-        yield
-    finally:
-        tracemalloc.stop()
-
-
-def largest_growth(step, frames=5):
-    """Bytes of Python and NumPy memory, at most, by which any of some frames grows what is in use while it lasts."""
-    for _ in range(3):
-        step()
-    growth = []
-    for _ in range(frames):
-        tracemalloc.reset_peak()
-        before = tracemalloc.get_traced_memory()[0]
-        step()
-        growth.append(tracemalloc.get_traced_memory()[1] - before)
-    return max(growth)
-
-
-def test_no_map_is_allocated_per_frame_when_memory_is_reused():
-    smallest_map = SIZE[0] * SIZE[1]  # the reasons: a byte a pixel
-    estimator = DepthEstimator(TINY_MODEL)
-    left, right = pairs(1)[0]
-    result = estimator.predict(left, right)
-    with traced_memory():
-        assert largest_growth(lambda: estimator.predict(left, right, out=result)) < smallest_map / 2
-        with closing(estimator.stream(((left, right) for _ in range(100)), reuse=True)) as stream:
-            assert largest_growth(lambda: next(stream)) < smallest_map / 2
-        # The ruler itself: without reuse every frame brings its maps.
-        assert largest_growth(lambda: estimator.predict(left, right)) > 9 * smallest_map
 
 
 class StalledCamera:

@@ -8,6 +8,7 @@ namespace {
 
 constexpr int grid = comparison_cell;
 constexpr int moment_planes = view_moments;
+constexpr int choose_width = 64;  // cells whose pixels are chosen together
 
 float at_most(float value, float limit) { return value < limit ? value : limit; }
 float at_least(float value, float limit) { return value > limit ? value : limit; }
@@ -53,7 +54,50 @@ void move_right(const CompareRow& row, const float* shift, float* __restrict mov
   }
 }
 
+// The step within each window, of planes of means one after the other. It writes to arguments that are nothing else's
+// memory: for so many arrays the compiler does not find that out, and would take one cell at a time.
+void solve_cells(const SolveRow& row, const float* means, float* __restrict step, float* __restrict textures,
+                 float* __restrict mismatches) {
+  const float* const slope = means;
+  const float* const difference = means + row.cells;
+  const float* const product = means + 2 * row.cells;
+  const float* const slope_square = means + 3 * row.cells;
+  const float* const difference_square = means + 4 * row.cells;
+  for (int x = 0; x < row.cells; ++x) {
+    const float texture = at_least(slope_square[x] - slope[x] * slope[x], 0.0f);
+    const float mismatch = at_least(difference_square[x] - difference[x] * difference[x], 0.0f);
+    const float solved = (slope[x] * difference[x] - product[x]) / (texture + row.damping);
+    step[x] = at_most(at_least(solved, -row.largest_step), row.largest_step);
+    textures[x] = log_of(texture + row.quiet) * row.log_share;
+    mismatches[x] = log_of(mismatch + row.quiet) * row.log_share;
+  }
+}
+
 float sigmoid(float x) { return 1.0f / (1.0f + exp_of(-x)); }
+
+// What is added to the left or the right pixel of cells, and to what. Apart from the maps, because a few arrays on the
+// stack are what the compiler can tell apart.
+struct Chosen {
+  float before[choose_width];
+  float added[choose_width];
+};
+
+void choose_pixels(const ChooseRow& row, int first, int count, int part, Chosen& chosen) {
+  const float* const own = row.mixed + first;
+  const float* const beside = part == 0 ? own - 1 : own + 1;
+  const float* const correction = row.correction[part] + first;
+  const float* const belief = row.belief[part] + first;
+  const float* const step = row.step[part] + first;
+  for (int x = 0; x < count; ++x) {
+    chosen.before[x] = 0.75f * own[x] + 0.25f * beside[x];
+    chosen.added[x] = correction[x] + sigmoid(belief[x]) * step[x];
+  }
+  const auto move_to = [&](const float* surface, const float* gate) {
+    for (int x = 0; x < count; ++x) chosen.added[x] += sigmoid(gate[first + x]) * (surface[first + x] - chosen.before[x]);
+  };
+  move_to(row.near, row.to_near[part]);
+  move_to(row.far, row.to_far[part]);
+}
 
 }  // namespace
 
@@ -154,19 +198,7 @@ void solve_row(const SolveRow& row) {
     }
     for (int x = 0; x < row.cells; ++x) mean[x] *= row.share[x];
   }
-  const float* const slope = means;
-  const float* const difference = means + row.cells;
-  const float* const product = means + 2 * row.cells;
-  const float* const slope_square = means + 3 * row.cells;
-  const float* const difference_square = means + 4 * row.cells;
-  for (int x = 0; x < row.cells; ++x) {
-    const float texture = at_least(slope_square[x] - slope[x] * slope[x], 0.0f);
-    const float mismatch = at_least(difference_square[x] - difference[x] * difference[x], 0.0f);
-    const float solved = (slope[x] * difference[x] - product[x]) / (texture + row.damping);
-    row.step[x] = at_most(at_least(solved, -row.largest_step), row.largest_step);
-    row.texture[x] = log_of(texture + row.quiet) * row.log_share;
-    row.mismatch[x] = log_of(mismatch + row.quiet) * row.log_share;
-  }
+  solve_cells(row, means, row.step, row.texture, row.mismatch);
 }
 
 void extremes_row(const ExtremesRow& row) {
@@ -229,14 +261,16 @@ void soft_argmin_cells(const SoftArgminCells& cells) {
       near_first[x] += value * near;
     }
   }
+  const float dense = cells.dense;
+  const float sparse_gap = cells.gap;
   for (int x = 0; x < width; ++x) {
     const float mean = first[x] / total[x];
-    const float gap = mean < cells.dense ? 1.0f : cells.gap;
+    const float gap = mean < dense ? 1.0f : sparse_gap;
     constexpr float far = 65536.0f;  // beyond all planes
-    const float place = at_least(at_most((mean - cells.dense) / gap, far), -far);
+    const float place = at_least(at_most((mean - dense) / gap, far), -far);
     // The floor, by whole numbers, which hold places.
     const auto whole = static_cast<float>(static_cast<int32_t>(place));
-    const float fraction = place - (whole > place ? whole - 1.0f : whole);
+    const float fraction = place - (whole - (whole > place ? 1.0f : 0.0f));
     const float excess = second[x] / total[x] - mean * mean - fraction * (1.0f - fraction) * gap * gap;
     cells.mean[x] = near_first[x] / near_total[x];
     cells.excess[x] = at_least(excess, 0.0f);
@@ -247,24 +281,26 @@ void choose_row(const ChooseRow& row) {
   for (int x = 0; x < row.cells; ++x) row.mixed[x] = 0.75f * row.disparity[x] + 0.25f * row.beside[x];
   row.mixed[-1] = row.mixed[0];
   row.mixed[row.cells] = row.mixed[row.cells - 1];
-  for (int part = 0; part < 2; ++part) {
-    const float* const neighbour = part == 0 ? row.mixed - 1 : row.mixed + 1;
-    const float* const correction = row.correction[part];
-    const float* const belief = row.belief[part];
-    const float* const to_near = row.to_near[part];
-    const float* const to_far = row.to_far[part];
-    const float* const step = row.step[part];
-    float* const answer = row.answer + part;
-    float* const change = row.change + part;
-    float* const rough = row.rough + part;
-    for (int x = 0; x < row.cells; ++x) {
-      const float before = 0.75f * row.mixed[x] + 0.25f * neighbour[x];
-      const float own = correction[x] + sigmoid(belief[x]) * step[x];
-      const float with_near = own + sigmoid(to_near[x]) * (row.near[x] - before);
-      const float added = with_near + sigmoid(to_far[x]) * (row.far[x] - before);
-      rough[2 * x] = before;
-      change[2 * x] = added;
-      answer[2 * x] = at_least(before + added, 0.0f);
+  Chosen left;
+  Chosen right;
+  for (int first = 0; first < row.cells; first += choose_width) {
+    const int count = row.cells - first < choose_width ? row.cells - first : choose_width;
+    choose_pixels(row, first, count, 0, left);
+    choose_pixels(row, first, count, 1, right);
+    float* const rough = row.rough + 2 * first;
+    float* const change = row.change + 2 * first;
+    float* const answer = row.answer + 2 * first;
+    for (int x = 0; x < count; ++x) {
+      rough[2 * x] = left.before[x];
+      rough[2 * x + 1] = right.before[x];
+    }
+    for (int x = 0; x < count; ++x) {
+      change[2 * x] = left.added[x];
+      change[2 * x + 1] = right.added[x];
+    }
+    for (int x = 0; x < count; ++x) {
+      answer[2 * x] = at_least(left.before[x] + left.added[x], 0.0f);
+      answer[2 * x + 1] = at_least(right.before[x] + right.added[x], 0.0f);
     }
   }
 }

@@ -26,7 +26,7 @@ from endosdk.runtime.arguments import (
     check_threads,
 )
 from endosdk.runtime.limits import EVERY_DEPTH, Limits
-from endosdk.runtime.maps import Maps
+from endosdk.runtime.maps import MapMemory, Maps
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.result import DepthResult, Timings
@@ -132,6 +132,7 @@ class DepthEstimator:
         if calibration is not None:
             self._geometry = calibration.rectification()
             self._path.set_calibration(rig_numbers(calibration))
+        self._memory = MapMemory(calibrated=self._geometry is not None)
 
     def __enter__(self) -> Self:
         return self
@@ -144,6 +145,7 @@ class DepthEstimator:
     def close(self) -> None:
         """Wait for the call that runs and free the frame memory; later calls are refused."""
         self._path.close()
+        self._memory.close()
 
     @property
     def model(self) -> ModelInfo:
@@ -194,8 +196,8 @@ class DepthEstimator:
         Args:
             left: uint8 [H, W, 3], [H, W, 1] or [H, W]; any row pitch.
             right: the same shape as left.
-            out: an earlier result of this estimator whose maps are overwritten and returned in a new result, so that
-                no memory is allocated; by default every result has maps of its own.
+            out: an earlier result of this estimator whose maps are overwritten and returned in a new result; by
+                default every result has maps of its own. Their memory serves a later frame once nothing refers to it.
             stamp_ns: when the pair was taken, by the clock of ``time.monotonic_ns()``; the result says how old it is.
 
         Raises:
@@ -225,8 +227,7 @@ class DepthEstimator:
             source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
                 frame may be overwritten once the next one is asked for. A third item is the pair's ``stamp_ns``. A
                 source of `open_source` is taken as it is; each result then has its frame as ``source_frame``.
-            reuse: write all results into a fixed ring of maps, so that no memory is allocated per frame; each result is
-                then good until the next one is drawn.
+            reuse: write all results into a fixed ring of maps; each result is then good until the next one is drawn.
             temporal: filter against flicker. It moves the disparity of the frame before with the surfaces, and blends
                 it with the new one where both images agree; see ``docs/live.md``.
             follow_rig: correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for
@@ -260,9 +261,9 @@ class DepthEstimator:
 
         def maps_for(number: int, stream: _core.Stream, size: tuple[int, int]) -> Maps:
             if not reuse:
-                return self._new_maps(*size)
+                return self._memory.maps(*size)
             if not ring:
-                ring.extend(self._new_maps(*size) for _ in range(stream.lanes + 1))
+                ring.extend(self._memory.maps(*size) for _ in range(stream.lanes + 1))
             return ring[number % len(ring)]
 
         def opened(width: int, height: int) -> _core.Stream:
@@ -307,14 +308,11 @@ class DepthEstimator:
         report: dict[str, Any] = json.loads(self._path.diagnostics())
         return {"endosdk": _core.version, **report}
 
-    def _new_maps(self, width: int, height: int) -> Maps:
-        return Maps.allocate(width, height, calibrated=self._geometry is not None)
-
     def _maps(self, out: DepthResult | None, shape: tuple[int, ...]) -> Maps:
         """Return the maps of an earlier result, or new ones."""
         height, width = shape[:2]
         if out is None:
-            return self._new_maps(width, height)
+            return self._memory.maps(width, height)
         if not isinstance(out, DepthResult):
             raise InvalidArgument("out", "must be a DepthResult of this estimator", type(out).__name__)
         if out.disparity.shape != (height, width):
