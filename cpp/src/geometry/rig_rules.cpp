@@ -24,12 +24,15 @@ void check_finite(const double* values, int count, const char* argument) {
   for (int i = 0; i < count; ++i) require_rig(std::isfinite(values[i]), argument, "must be finite", values[i]);
 }
 
-void check_matrix(const double* k, const char* argument) {
+}  // namespace
+
+void check_camera_matrix(const double* k, const char* argument) {
   check_finite(k, 9, argument);
   require_rig(k[0] > 0.0 && k[4] > 0.0, argument, "must have positive focal lengths",
               Text(k[0], ", ", k[4]));
   const bool plain = k[1] == 0.0 && k[3] == 0.0 && k[6] == 0.0 && k[7] == 0.0 && k[8] == 1.0;
-  require_rig(plain, argument, "must read fx 0 cx, 0 fy cy, 0 0 1; skew is not supported", "another form");
+  require_rig(plain, argument, "must read fx 0 cx, 0 fy cy, 0 0 1; skew is not supported",
+              Text(k[0], " ", k[1], " ", k[2], ", ", k[3], " ", k[4], " ", k[5], ", ", k[6], " ", k[7], " ", k[8]));
 }
 
 void check_distortion(const double* coefficients, int count, bool fisheye, const char* argument) {
@@ -39,32 +42,30 @@ void check_distortion(const double* coefficients, int count, bool fisheye, const
   check_finite(coefficients, count, argument);
 }
 
-void check_rotation(const double* rotation) {
-  check_finite(rotation, 9, "rotation");
+void check_rotation(const double* rotation, const char* argument) {
+  check_finite(rotation, 9, argument);
   Mat3 r;
   for (size_t i = 0; i < r.size(); ++i) r[i] = rotation[i];
   const Mat3 gram = multiply(r, transpose(r));
   double error = 0.0;
   for (size_t i = 0; i < gram.size(); ++i) error = std::fmax(error, std::fabs(gram[i] - (i % 4 == 0 ? 1.0 : 0.0)));
-  require_rig(error <= orthonormal_tolerance, "rotation", "must be orthonormal: R R' may differ from I by 1e-4", error);
-  require_rig(determinant(r) > 0.0, "rotation", "must have determinant +1; this one mirrors", determinant(r));
+  require_rig(error <= orthonormal_tolerance, argument, Text("must be orthonormal: R R' may differ from I by ", orthonormal_tolerance), error);
+  require_rig(determinant(r) > 0.0, argument, "must have determinant +1; this one mirrors", determinant(r));
 }
 
-void check_translation(const double* t) {
-  check_finite(t, 3, "translation");
+void check_translation(const double* t, const char* argument) {
+  check_finite(t, 3, argument);
   const double x = std::fabs(t[0]);
   const double y = std::fabs(t[1]);
   const double z = std::fabs(t[2]);
   const Text seen(t[0], ", ", t[1], ", ", t[2]);
-  require_rig(x > 0.0 || y > 0.0 || z > 0.0, "translation", "must not be zero: the baseline must be positive", seen);
-  require_rig(x >= y || y < z, "translation",
+  require_rig(x > 0.0 || y > 0.0 || z > 0.0, argument, "must not be zero: the baseline must be positive", seen);
+  require_rig(x >= y || y < z, argument,
               "must point along x: this rig is vertical; turn both pictures by 90 degrees and calibrate again", seen);
-  require_rig(x >= z, "translation", "must point along x: one camera stands in front of the other", seen);
-  require_rig(t[0] < 0.0, "translation",
+  require_rig(x >= z, argument, "must point along x: one camera stands in front of the other", seen);
+  require_rig(t[0] < 0.0, argument,
               "must have negative x: the cameras are swapped, or the transform runs from right to left", seen);
 }
-
-}  // namespace
 
 bool states_field(const double* field) {
   return std::any_of(field, field + 4, [](double value) { return value != 0.0; });
@@ -94,14 +95,14 @@ void check_rig(const endo_calibration& rig) {
   require(rig.width > 0 && rig.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be two positive whole numbers",
           Text(rig.width, "x", rig.height));
   const bool fisheye = rig.camera_model == ENDO_FISHEYE;
-  check_matrix(rig.left_matrix, "left_matrix");
-  check_matrix(rig.right_matrix, "right_matrix");
+  check_camera_matrix(rig.left_matrix, "left_matrix");
+  check_camera_matrix(rig.right_matrix, "right_matrix");
   check_distortion(rig.left_distortion, rig.left_distortion_count, fisheye, "left_distortion");
   check_distortion(rig.right_distortion, rig.right_distortion_count, fisheye, "right_distortion");
   check_field_of_view(rig.left_field_of_view, rig.width, rig.height, "left_field_of_view");
   check_field_of_view(rig.right_field_of_view, rig.width, rig.height, "right_field_of_view");
-  check_rotation(rig.rotation);
-  check_translation(rig.translation);
+  check_rotation(rig.rotation, "rotation");
+  check_translation(rig.translation, "translation");
 }
 
 }  // namespace endosdk

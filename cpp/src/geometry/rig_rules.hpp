@@ -16,7 +16,19 @@ constexpr std::array<double, 2> plausible_baseline_mm = {0.5, 500.0};
 // Refuses numbers that only a mistaken unit explains.
 void check_plausible_baseline(const endo_calibration& rig);
 
-// Refuses one that is no ellipse in a frame of this size.
+// Each refuses what is not so; `argument` is the name in its message. A camera matrix without skew, row by row.
+void check_camera_matrix(const double* matrix, const char* argument);
+
+// As many numbers as the camera model knows, all finite.
+void check_distortion(const double* coefficients, int count, bool fisheye, const char* argument);
+
+// Orthonormal within what files round away, and no mirror.
+void check_rotation(const double* rotation, const char* argument);
+
+// From a left camera to one on its right.
+void check_translation(const double* translation, const char* argument);
+
+// An ellipse that reaches into a frame of this size.
 void check_field_of_view(const double* field, int width, int height, const char* argument);
 
 void check_rig(const endo_calibration& rig);

@@ -16,12 +16,6 @@ Matrix = npt.NDArray[np.float64]
 Ellipse = tuple[float, float, float, float]  # middle x, y and half axes along x and y, px
 CameraModel = Literal["pinhole", "fisheye"]
 
-# Files print rotations with four or more decimals. An error of 1e-4 moves a point 1000 px off the axis by 0.1 px.
-ORTHONORMAL_TOLERANCE = 1e-4
-# What the rectifier implements: Brown-Conrady with tangential terms, the rational form, and the fisheye polynomial.
-COEFFICIENTS = {"pinhole": (0, 4, 5, 8), "fisheye": (0, 4)}
-
-
 def number(name: str, value: Any) -> float:
     """Return a finite real number as float."""
     try:
@@ -81,22 +75,16 @@ def check_alpha(value: Any) -> float:
 def check_camera_matrix(name: str, value: Any) -> Matrix:
     """Return a 3x3 camera matrix: fx, fy > 0, no skew, last row (0, 0, 1)."""
     matrix = finite_array(name, value, (3, 3))
-    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
-        raise InvalidCalibration(name, "must have positive focal lengths", (float(matrix[0, 0]), float(matrix[1, 1])))
-    if matrix[0, 1] != 0 or matrix[1, 0] != 0 or matrix[2].tolist() != [0.0, 0.0, 1.0]:
-        rule = "must read [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; skew is not supported"
-        raise InvalidCalibration(name, rule, matrix.tolist())
+    _core.check_camera_matrix(matrix, name)
     return matrix
 
 
 def check_distortion(name: str, value: Any, model: str) -> Matrix:
     """Return a flat vector with as many coefficients as the camera model knows."""
     coefficients = finite_array(name, value)
-    allowed = COEFFICIENTS[model]
-    if coefficients.ndim != 1 or coefficients.size not in allowed:
-        counts = ", ".join(map(str, allowed))
-        rule = f"must be a flat list of {counts} coefficients for a {model} camera"
-        raise InvalidCalibration(name, rule, f"shape {list(coefficients.shape)}")
+    if coefficients.ndim != 1:
+        raise InvalidCalibration(name, "must be a flat list of coefficients", f"shape {list(coefficients.shape)}")
+    _core.check_distortion(coefficients, model == "fisheye", name)
     return coefficients
 
 
@@ -110,32 +98,16 @@ def check_field_of_view(name: str, value: Any, size: tuple[int, int]) -> Ellipse
 
 
 def check_rotation(name: str, value: Any) -> Matrix:
-    """Return a proper rotation: R R' = I within `ORTHONORMAL_TOLERANCE`, determinant +1."""
+    """Return a proper rotation: R R' = I within what files round away, determinant +1."""
     rotation = finite_array(name, value, (3, 3))
-    error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if error > ORTHONORMAL_TOLERANCE:
-        rule = f"must be orthonormal: R R' may differ from I by {ORTHONORMAL_TOLERANCE:g}"
-        raise InvalidCalibration(name, rule, f"a difference of {error:.3g}")
-    determinant = float(np.linalg.det(rotation))
-    if determinant < 0:
-        raise InvalidCalibration(name, "must have determinant +1; this one mirrors", f"{determinant:.6g}")
+    _core.check_rotation(rotation, name)
     return rotation
 
 
 def check_translation(name: str, value: Any) -> Matrix:
     """Return the translation of a rig whose right camera is on the right: x negative and the larger part."""
     translation = finite_array(name, value, (3,))
-    x, y, z = (float(part) for part in translation)
-    if x == y == z == 0:
-        raise InvalidCalibration(name, "must not be zero: the baseline must be positive", translation.tolist())
-    if abs(y) > abs(x) and abs(y) >= abs(z):
-        rule = "must point along x: this rig is vertical; turn both pictures by 90 degrees and calibrate again"
-        raise InvalidCalibration(name, rule, translation.tolist())
-    if abs(z) > abs(x):
-        raise InvalidCalibration(name, "must point along x: one camera stands in front of the other", (x, y, z))
-    if x > 0:
-        rule = "must have negative x: the cameras are swapped, or the transform runs from right to left"
-        raise InvalidCalibration(name, rule, translation.tolist())
+    _core.check_translation(translation, name)
     return translation
 
 

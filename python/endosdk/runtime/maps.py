@@ -49,7 +49,8 @@ class MapMemory:
     def maps(self, width: int, height: int) -> Maps:
         """Return maps of this size, px, with what earlier frames or nobody wrote in them."""
         kinds = {name: kind for name, kind, metric in _core.output_maps if self._calibrated or not metric}
-        return Maps(**{name: self._map(name, (height, width), kinds.get(name)) for name in Maps._fields})
+        maps: dict[str, Any] = {name: self._map(name, (height, width), kinds.get(name)) for name in Maps._fields}
+        return Maps(**maps)
 
     def close(self) -> None:
         """Free what waits for the next frame; from now on nothing waits."""
