@@ -26,19 +26,38 @@ void stretch_cells(const float* cells, int count, float* __restrict pixels) {
   }
 }
 
-// Means over groups of `columns` values times `share`, added to `out` where it holds a row already.
-void add_means(const float* values, int count, int columns, float share, bool first, float* __restrict out) {
-  if (columns == 2) {
-    for (int i = 0; i < count; ++i) {
-      const float sum = (values[2 * i] + values[2 * i + 1]) * share;
-      out[i] = first ? sum : out[i] + sum;
-    }
-  } else {
-    for (int i = 0; i < count; ++i) {
-      const float sum = ((values[4 * i] + values[4 * i + 1]) + (values[4 * i + 2] + values[4 * i + 3])) * share;
-      out[i] = first ? sum : out[i] + sum;
-    }
+// What is averaged, added up over groups of `columns` pixels times `share`, and added to the means unless it is the `first`
+// row of them. These are nothing else's memory, see `solve_cells`.
+template <int columns, bool first>
+void add_moments(const float* left, const float* moved, const float* slope, int count, float share,
+                 float* __restrict slopes, float* __restrict differences, float* __restrict products,
+                 float* __restrict slope_squares, float* __restrict difference_squares) {
+  const auto sum_of = [](const auto& value) {
+    const float sum = value(0) + value(1);
+    return columns == 2 ? sum : sum + (value(2) + value(3));
+  };
+  const auto added = [&](float sum, float before) { return first ? sum * share : before + sum * share; };
+  for (int i = 0; i < count; ++i) {
+    const float* const l = left + columns * i;
+    const float* const m = moved + columns * i;
+    const float* const s = slope + columns * i;
+    const auto difference = [&](int k) { return l[k] - m[k]; };
+    slopes[i] = added(sum_of([&](int k) { return s[k]; }), slopes[i]);
+    differences[i] = added(sum_of(difference), differences[i]);
+    products[i] = added(sum_of([&](int k) { return s[k] * difference(k); }), products[i]);
+    slope_squares[i] = added(sum_of([&](int k) { return s[k] * s[k]; }), slope_squares[i]);
+    difference_squares[i] = added(sum_of([&](int k) { return difference(k) * difference(k); }), difference_squares[i]);
   }
+}
+
+// Of the sum of both views; a pixel at the border has one neighbour. Rows are at least a cell wide.
+void find_slope(const float* left, const float* moved, int width, float* __restrict slope) {
+  const auto between = [&](int before, int after) {
+    return ((left[after] + moved[after]) - (left[before] + moved[before])) * 0.25f;
+  };
+  slope[0] = between(0, 1);
+  for (int x = 1; x + 1 < width; ++x) slope[x] = between(x - 1, x + 1);
+  slope[width - 1] = between(width - 2, width - 1);
 }
 
 // Where a row of the right view is read, moved by the disparity: what it shows there.
@@ -51,6 +70,25 @@ void move_right(const CompareRow& row, const float* shift, float* __restrict mov
     const auto base = static_cast<int32_t>(at_most(place, last_pair));  // places are not negative, so this is the floor
     const float near = right[base];
     moved[x] = near + (place - static_cast<float>(base)) * (right[base + 1] - near);
+  }
+}
+
+// Adds up rows of values one after the other, three at a time, because most windows have three.
+void add_up(const float* const* rows, int count, int length, float* __restrict out) {
+  const float* const first = rows[0];
+  if (count < 3) {
+    for (int x = 0; x < length; ++x) out[x] = first[x];
+    if (count == 2) {
+      for (int x = 0; x < length; ++x) out[x] += rows[1][x];
+    }
+    return;
+  }
+  const float* const second = rows[1];
+  const float* const third = rows[2];
+  for (int x = 0; x < length; ++x) out[x] = first[x] + second[x] + third[x];
+  for (int y = 3; y < count; ++y) {
+    const float* const row = rows[y];
+    for (int x = 0; x < length; ++x) out[x] += row[x];
   }
 }
 
@@ -152,9 +190,7 @@ void compare_row(const CompareRow& row) {
   float* const mixed = row.scratch + 1;  // a cell more at both ends
   float* const shift = mixed + cells + 1;
   float* const moved = shift + row.width;
-  float* const both = moved + row.width + 1;  // a pixel more at both ends
-  float* const slope = both + row.width + 1;
-  float* const product = slope + row.width;
+  float* const slope = moved + row.width;
   for (int i = 0; i < cells; ++i) {
     mixed[i] = (1.0f - row.lower_share) * row.upper[i] + row.lower_share * row.lower[i];
   }
@@ -162,21 +198,11 @@ void compare_row(const CompareRow& row) {
   mixed[cells] = mixed[cells - 1];
   stretch_cells(mixed, cells, shift);
   move_right(row, shift, moved);
-  for (int x = 0; x < row.width; ++x) both[x] = row.left[x] + moved[x];
-  both[-1] = both[0];
-  both[row.width] = both[row.width - 1];
-  float* const difference = moved;
-  for (int x = 0; x < row.width; ++x) difference[x] = row.left[x] - moved[x];
-  for (int x = 0; x < row.width; ++x) slope[x] = (both[x + 1] - both[x - 1]) * 0.25f;
-  const int count = row.width / row.columns;
-  add_means(slope, count, row.columns, row.share, row.first, row.means[0]);
-  add_means(difference, count, row.columns, row.share, row.first, row.means[1]);
-  for (int x = 0; x < row.width; ++x) product[x] = slope[x] * difference[x];
-  add_means(product, count, row.columns, row.share, row.first, row.means[2]);
-  for (int x = 0; x < row.width; ++x) product[x] = slope[x] * slope[x];
-  add_means(product, count, row.columns, row.share, row.first, row.means[3]);
-  for (int x = 0; x < row.width; ++x) product[x] = difference[x] * difference[x];
-  add_means(product, count, row.columns, row.share, row.first, row.means[4]);
+  find_slope(row.left, moved, row.width, slope);
+  const auto add = row.columns == 2 ? (row.first ? add_moments<2, true> : add_moments<2, false>)
+                                    : (row.first ? add_moments<4, true> : add_moments<4, false>);
+  add(row.left, moved, slope, row.width / row.columns, row.share, row.means[0], row.means[1], row.means[2], row.means[3],
+      row.means[4]);
 }
 
 void solve_row(const SolveRow& row) {
@@ -185,17 +211,14 @@ void solve_row(const SolveRow& row) {
   for (int plane = 0; plane < moment_planes; ++plane) {
     float* const sums = row.scratch + plane * stride;
     for (int i = 0; i < row.reach; ++i) sums[i] = sums[row.reach + row.cells + i] = 0.0f;
-    float* const column = sums + row.reach;
-    for (int x = 0; x < row.cells; ++x) column[x] = row.rows[0][plane * row.plane_stride + x];
-    for (int y = 1; y < row.count; ++y) {
-      const float* const values = row.rows[y] + plane * row.plane_stride;
-      for (int x = 0; x < row.cells; ++x) column[x] += values[x];
-    }
+    const float* rows[solve_window];
+    for (int y = 0; y < row.count; ++y) rows[y] = row.rows[y] + plane * row.plane_stride;
+    add_up(rows, row.count, row.cells, sums + row.reach);
+    const float* shifted[solve_window];
+    const int window = 2 * row.reach + 1;
+    for (int i = 0; i < window; ++i) shifted[i] = sums + i;
     float* const mean = means + plane * row.cells;
-    for (int x = 0; x < row.cells; ++x) mean[x] = sums[x];
-    for (int i = 1; i <= 2 * row.reach; ++i) {
-      for (int x = 0; x < row.cells; ++x) mean[x] += sums[x + i];
-    }
+    add_up(shifted, window, row.cells, mean);
     for (int x = 0; x < row.cells; ++x) mean[x] *= row.share[x];
   }
   solve_cells(row, means, row.step, row.texture, row.mismatch);

@@ -39,12 +39,15 @@ struct CompareRow {
   float* scratch;
   float* means[view_moments];  // width / columns values each
 
-  static int scratch_values(int width) { return 5 * width + width / comparison_cell + 6; }
+  static int scratch_values(int width) { return 3 * width + width / comparison_cell + 2; }
 };
+
+// The side of the largest window, cells.
+constexpr int solve_window = 7;
 
 // What windows of means say: the step of Lucas and Kanade, and how unlike the values within them are.
 struct SolveRow {
-  const float* rows[7];  // the first plane of each row of the window that lies inside the picture
+  const float* rows[solve_window];  // the first plane of each row of the window that lies inside the picture
   ptrdiff_t plane_stride;
   int count;  // of rows
   int cells;
