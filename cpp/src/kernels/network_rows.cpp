@@ -8,6 +8,7 @@ namespace {
 
 constexpr int grid = comparison_cell;
 constexpr int moment_planes = view_moments;
+constexpr int smaller_width = 64;  // groups of pixels that are made smaller together
 constexpr int choose_width = 64;  // cells whose pixels are chosen together
 
 float at_most(float value, float limit) { return value < limit ? value : limit; }
@@ -111,6 +112,24 @@ void solve_cells(const SolveRow& row, const float* means, float* __restrict step
   }
 }
 
+// Groups of three pixels, by colour and place in the group.
+using Smaller = float[3][3][smaller_width];
+
+// One colour of groups: from four pixels of two rows each.
+void mix_groups(const uint8_t* upper, const uint8_t* lower, float lower_share, int count, float (&out)[3][smaller_width]) {
+  constexpr float small = 1.0f / 6.0f;  // three pixels lie 1/6, 3/2 and 17/6 pixels after the first of four
+  constexpr float large = 5.0f / 6.0f;
+  const float upper_share = 1.0f - lower_share;
+  for (int i = 0; i < count; ++i) {
+    const auto mixed = [&](int x) {
+      return upper_share * static_cast<float>(upper[4 * i + x]) + lower_share * static_cast<float>(lower[4 * i + x]);
+    };
+    out[0][i] = large * mixed(0) + small * mixed(1);
+    out[1][i] = 0.5f * mixed(1) + 0.5f * mixed(2);
+    out[2][i] = small * mixed(2) + large * mixed(3);
+  }
+}
+
 float sigmoid(float x) { return 1.0f / (1.0f + exp_of(-x)); }
 
 // What is added to the left or the right pixel of cells, and to what. Apart from the maps, because a few arrays on the
@@ -158,29 +177,22 @@ void pair_brightness(const uint8_t* const* channel, ptrdiff_t stride, int count,
 }
 
 void smaller_row(const SmallerRow& row) {
-  constexpr float small = 1.0f / 6.0f;  // three pixels lie 1/6, 3/2 and 17/6 pixels after the first of four
-  constexpr float large = 5.0f / 6.0f;
-  const float lower_share = row.lower_share;
-  const float upper_share = 1.0f - lower_share;
-  for (int i = 0; i < row.groups; ++i) {
-    float sums[3] = {};
-    for (int c = 0; c < 3; ++c) {
-      const uint8_t* const upper = row.upper[c] + 4 * i;
-      const uint8_t* const lower = row.lower[c] + 4 * i;
-      float mixed[4];
-      for (int x = 0; x < 4; ++x) {
-        mixed[x] = upper_share * static_cast<float>(upper[x]) + lower_share * static_cast<float>(lower[x]);
-      }
-      const float values[3] = {large * mixed[0] + small * mixed[1], 0.5f * mixed[1] + 0.5f * mixed[2],
-                               small * mixed[2] + large * mixed[3]};
+  Smaller smaller;
+  for (int first = 0; first < row.groups; first += smaller_width) {
+    const int count = row.groups - first < smaller_width ? row.groups - first : smaller_width;
+    for (int c = 0; c < 3; ++c) mix_groups(row.upper[c] + 4 * first, row.lower[c] + 4 * first, row.lower_share, count, smaller[c]);
+    float* const pixels = row.pixels + 9 * first;
+    for (int i = 0; i < count; ++i) {
       for (int x = 0; x < 3; ++x) {
-        row.pixels[9 * i + 3 * x + c] = values[x];
-        sums[x] += values[x];
+        for (int c = 0; c < 3; ++c) pixels[9 * i + 3 * x + c] = smaller[c][x][i];
       }
     }
+    float* const bright = row.bright + 3 * first;
     for (int x = 0; x < 3; ++x) {
-      const float bright = sums[x] * row.share;
-      row.bright[3 * i + x] = row.first ? bright : row.bright[3 * i + x] + bright;
+      for (int i = 0; i < count; ++i) {
+        const float added = (smaller[0][x][i] + smaller[1][x][i] + smaller[2][x][i]) * row.share;
+        bright[3 * i + x] = row.first ? added : bright[3 * i + x] + added;
+      }
     }
   }
 }
