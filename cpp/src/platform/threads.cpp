@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <mutex>
@@ -17,6 +18,17 @@ namespace {
 
 thread_local int wanted_threads = 0;  // 0: the default
 thread_local ThreadHook worker_hook;  // of the workers that start in loops of this thread
+
+// Loops of a frame follow each other within microseconds, in which a thread would fall asleep and be woken: that takes
+// longer than many of the loops. So it looks that long for what it waits for. It does not yield: where other programs
+// wait for the core, they would keep it for milliseconds.
+template <typename Condition>
+void look_for(const Condition& condition) {
+  constexpr auto patience = std::chrono::microseconds(50);
+  const auto end = std::chrono::steady_clock::now() + patience;
+  while (!condition() && std::chrono::steady_clock::now() < end) {
+  }
+}
 
 // One loop while it runs. Workers take blocks from a shared counter, so a slow or late worker costs little.
 struct Loop {
@@ -69,6 +81,9 @@ class Pool {
     // Only workers that joined in time matter: one that other programs keep from running must not delay the frame.
     std::unique_lock lock(mutex_);
     open_ = false;
+    lock.unlock();
+    look_for([&] { return active_ == 0; });
+    lock.lock();
     done_.wait(lock, [&] { return active_ == 0; });
     const std::exception_ptr failure = std::exchange(loop_.failure, nullptr);
     lock.unlock();
@@ -80,7 +95,7 @@ class Pool {
     if (started_ >= workers) return;
     for (; started_ < workers; ++started_) {
       try {
-        std::thread([this, worker = started_ + 1, seen = generation_, hook = worker_hook] {
+        std::thread([this, worker = started_ + 1, seen = generation_.load(), hook = worker_hook] {
           serve(worker, seen, hook);
         }).detach();
       } catch (const std::system_error&) {
@@ -98,6 +113,9 @@ class Pool {
     ++begun_;
     done_.notify_one();
     for (;;) {
+      lock.unlock();
+      look_for([&] { return generation_ != seen; });
+      lock.lock();
       wake_.wait(lock, [&] { return generation_ != seen; });
       seen = generation_;
       if (!open_ || worker >= loop_.workers) continue;
@@ -111,13 +129,13 @@ class Pool {
 
   std::mutex running_;  // held by the caller whose loop the workers serve
   int started_ = 0;     // workers; guarded by running_
-  std::mutex mutex_;    // guards everything below
+  std::mutex mutex_;    // guards everything below; what is atomic may be read without it
   std::condition_variable wake_;
   std::condition_variable done_;
   Loop loop_;
-  unsigned generation_ = 0;
+  std::atomic<unsigned> generation_ = 0;
   int begun_ = 0;      // workers that were handed to the host
-  int active_ = 0;     // workers inside the loop
+  std::atomic<int> active_ = 0;  // workers inside the loop
   bool open_ = false;  // workers may still join the loop
 };
 

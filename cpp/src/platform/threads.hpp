@@ -1,7 +1,7 @@
 // The worker threads that all kernels share.
 //
-// The caller of parallel_for works too; workers sleep while there is nothing to do and start with the first loop that
-// needs them. When the workers are busy with another caller's loop, a loop runs on its own caller alone, so callers
+// The caller of parallel_for works too; workers sleep when there has been nothing to do for a moment, and start with the
+// first loop that needs them. When the workers are busy with another caller's loop, a loop runs on its own caller alone, so callers
 // never wait for each other. How many threads a loop may use is the calling thread's own setting, so that two estimators
 // of one process do not decide for each other. After fork() the child starts workers of its own.
 #pragma once
