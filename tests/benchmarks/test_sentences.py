@@ -114,7 +114,7 @@ SENTENCES = [
         r"A frame takes (\S+) times as long\. The range then ends at (\S+) %",
         gain_of_a_larger_network_size,
     ),
-    ("docs/numbers.md", r"ran earlier files: `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
+    ("docs/numbers.md", r"this CPU ran `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
     ("docs/real-time.md", r"`fast` runs at (\S+) FPS without and at (\S+) FPS with", rates_beside_a_busy_process),
     ("docs/real-time.md", r"`accurate` runs at (\S+) FPS without and at (\S+) FPS with", rates_of_accurate_alone),
     (
