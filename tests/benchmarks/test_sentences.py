@@ -29,7 +29,7 @@ def whole_percent(share):
 
 
 def gains_of_fast_320():
-    small, full = read("speed/zen3_fast-320"), read("speed/zen3_fast")
+    small, full = read("speed/fast-320"), read("speed/fast")
     return f"{small['fps'] / full['fps']:.1f}", f"{small['stream_fps'] / full['stream_fps']:.1f}"
 
 
