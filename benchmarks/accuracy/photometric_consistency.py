@@ -24,7 +24,7 @@ from endosdk import DepthEstimator, Reason, StereoCalibration, _core
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.pictures import read_frame
-from endosdk.runtime.maps import Maps
+from endosdk.runtime.maps import MapMemory
 from endosdk.runtime.models import read_model
 from endosdk.runtime.session import StereoSession, padded
 
@@ -69,7 +69,7 @@ class Answerer:
         _core.pack(*estimator.rectified_pair(), buffers.left, buffers.right, "rgb")
         self.session.run(buffers)
         view_scale = network[1] / height, network[0] / width
-        maps = Maps.allocate(width, height, calibrated=False)
+        maps = MapMemory(calibrated=False).maps(width, height)
         fields = {
             "disparity": buffers.disparity,
             "confidence": buffers.confidence,

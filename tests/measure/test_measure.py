@@ -113,7 +113,8 @@ def test_points_lie_where_the_result_puts_them(demo):
     rows, columns = np.nonzero(np.isfinite(result.depth))
     for i in range(0, len(rows), len(rows) // 20):
         point = point_at(result, columns[i], rows[i])
-        assert point.xyz == pytest.approx(result.points()[rows[i], columns[i]], rel=1e-5)
+        # Near the axis little is left of two numbers of seven digits: 1e-4 mm is what these may round away.
+        assert point.xyz == pytest.approx(result.points()[rows[i], columns[i]], rel=1e-5, abs=1e-4)
         assert point.depth.standard_error == pytest.approx(2**0.5 * float(result.sigma[rows[i], columns[i]]), rel=1e-6)
         assert np.linalg.matrix_rank(point.covariance, tol=1e-9) == 1  # all of the error is along the line of sight
 

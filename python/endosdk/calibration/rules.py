@@ -16,6 +16,7 @@ Matrix = npt.NDArray[np.float64]
 Ellipse = tuple[float, float, float, float]  # middle x, y and half axes along x and y, px
 CameraModel = Literal["pinhole", "fisheye"]
 
+
 def number(name: str, value: Any) -> float:
     """Return a finite real number as float."""
     try:
