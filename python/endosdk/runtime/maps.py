@@ -43,13 +43,12 @@ class MapMemory:
 
     def __init__(self, calibrated: bool) -> None:
         """Give depth and sigma only with a calibration."""
-        self._calibrated = calibrated
+        self._kinds = {name: kind for name, kind, metric in _core.output_maps if calibrated or not metric}
         self._idle: dict[str, deque[npt.NDArray[Any]]] = {name: deque(maxlen=IDLE) for name in Maps._fields}
 
     def maps(self, width: int, height: int) -> Maps:
         """Return maps of this size, px, with what earlier frames or nobody wrote in them."""
-        kinds = {name: kind for name, kind, metric in _core.output_maps if self._calibrated or not metric}
-        maps: dict[str, Any] = {name: self._map(name, (height, width), kinds.get(name)) for name in Maps._fields}
+        maps: dict[str, Any] = {name: self._map(name, (height, width)) for name in Maps._fields}
         return Maps(**maps)
 
     def close(self) -> None:
@@ -57,7 +56,8 @@ class MapMemory:
         # Maps that are looked at go back to the old places, which end with the last of them.
         self._idle = {name: deque(maxlen=0) for name in Maps._fields}
 
-    def _map(self, name: str, shape: tuple[int, int], kind: np.dtype[Any] | None) -> npt.NDArray[Any] | None:
+    def _map(self, name: str, shape: tuple[int, int]) -> npt.NDArray[Any] | None:
+        kind = self._kinds.get(name)
         if kind is None:
             return None
         idle = self._idle[name]
