@@ -304,6 +304,12 @@ void bind_settings(py::module_& m) {
         "Raise OutOfMemory unless the system can start so many further threads at a time.");
 }
 
+// A rule for so many numbers, as Python calls it.
+template <size_t Count>
+auto check_of(void (*check)(const double* values, const char* argument)) {
+  return [check](const Doubles& values, const std::string& name) { check(numbers<Count>(values, name.c_str()).data(), name.c_str()); };
+}
+
 void bind_rectification(py::module_& m) {
   using py::arg;
   m.def(
@@ -312,26 +318,15 @@ void bind_rectification(py::module_& m) {
         check_field_of_view(numbers<4>(field, name.c_str()).data(), width, height, name.c_str());
       },
       arg("field"), arg("width"), arg("height"), arg("name"), "Refuse a field of view that is no ellipse in such a frame.");
-  m.def(
-      "check_camera_matrix",
-      [](const Doubles& matrix, const std::string& name) { check_camera_matrix(numbers<9>(matrix, name.c_str()).data(), name.c_str()); },
-      arg("matrix"), arg("name"), "Refuse a camera matrix [3, 3] that is none, or has skew.");
+  m.def("check_camera_matrix", check_of<9>(check_camera_matrix), arg("matrix"), arg("name"), "Refuse a camera matrix [3, 3] that is none, or has skew.");
   m.def(
       "check_distortion",
       [](const Doubles& coefficients, bool fisheye, const std::string& name) {
         check_distortion(coefficients.data(), static_cast<int>(coefficients.size()), fisheye, name.c_str());
       },
       arg("coefficients"), arg("fisheye"), arg("name"), "Refuse distortion coefficients of a number that the model does not know.");
-  m.def(
-      "check_rotation",
-      [](const Doubles& rotation, const std::string& name) { check_rotation(numbers<9>(rotation, name.c_str()).data(), name.c_str()); },
-      arg("rotation"), arg("name"), "Refuse a matrix [3, 3] that is no rotation.");
-  m.def(
-      "check_translation",
-      [](const Doubles& translation, const std::string& name) {
-        check_translation(numbers<3>(translation, name.c_str()).data(), name.c_str());
-      },
-      arg("translation"), arg("name"), "Refuse a translation [3] that does not lead to a camera on the right.");
+  m.def("check_rotation", check_of<9>(check_rotation), arg("rotation"), arg("name"), "Refuse a matrix [3, 3] that is no rotation.");
+  m.def("check_translation", check_of<3>(check_translation), arg("translation"), arg("name"), "Refuse a translation [3] that does not lead to a camera on the right.");
   m.def("stereo_rectify", &stereo_rectify_arrays, arg("model"), arg("K1"), arg("D1"), arg("K2"), arg("D2"), arg("R"),
         arg("T"), arg("width"), arg("height"), arg("alpha"),
         "Rectifying rotations R1, R2 and projections P1, P2 of a rig, as OpenCV computes them.");
