@@ -12,6 +12,7 @@ than two seeds do is not told apart. ``--spoilt`` is the path-traced set with fa
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from benchmarks.record import write_record
-from benchmarks.studies.short_runs import judged, judging_sets, learning_sets, study_parser, study_record
-from benchmarks.weights import weights_sha256
+from benchmarks.studies.short_runs import Variant, judging_sets, learning_sets, run_variants, study_parser
 from endosdk.datasets.layouts import open_dataset
 from endosdk.training import checkpoint
 from endosdk.training.augment import placed_pair, spoilt_pair
@@ -82,6 +81,11 @@ def volume_distance(cost: Tensor, taught: Tensor, mask: Tensor) -> Tensor:
     return (apart * seen).sum() / seen.sum().clamp_min(1.0)
 
 
+def fit(kind: type[Run], config: TrainConfig, out: Path, *, resume: bool) -> None:
+    """Take the steps of a run alone: without held-out pairs, no confidence is fitted after them."""
+    kind(config, out, resume=resume).fit()
+
+
 def main() -> None:
     parser = study_parser(__doc__)
     parser.add_argument("--spoilt", type=Path, required=True, help="the path-traced pairs with faults")
@@ -96,22 +100,15 @@ def main() -> None:
         "rate": 4e-4,
         "data": learning_sets(args),
         "workers": 1,
+        "validate_every": args.steps,
     }
-    recipe = {**checkpoint.inherited(args.start, given), **given, "validate_every": args.steps}
-    found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
-    for seed in SEEDS:
-        for name, kind in (("alone", Run), ("with a clean teacher", Student)):
-            out = args.runs / f"{name.replace(' ', '-')}-{seed}"
-            there = (out / checkpoint.LAST).exists()
-            if not there or checkpoint.load(out).step < args.steps:
-                kind(TrainConfig.from_dict({**recipe, "seed": seed}), out, resume=there).fit()
-            label = f"{name}, seed {seed}"
-            found[label] = judged(checkpoint.load(out).build(), sets)
-            print(label, found[label], flush=True)
-            record = study_record(args, sets, recipe, found)
-            command = f"python -m benchmarks.studies.clean_teacher --start {args.start} --pairs {args.pairs} "
-            command += f"--steps {args.steps} ..."
-            write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})
+    runs = {
+        f"{name}, seed {seed}": Variant(f"{name.replace(' ', '-')}-{seed}", {"seed": seed}, partial(fit, kind))
+        for seed in SEEDS
+        for name, kind in (("alone", Run), ("with a clean teacher", Student))
+    }
+    command = f"python -m benchmarks.studies.clean_teacher --start {args.start} --pairs {args.pairs} "
+    run_variants(args, sets, given, runs, command + f"--steps {args.steps} ...")
 
 
 if __name__ == "__main__":

@@ -12,19 +12,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.record import write_record
-from benchmarks.studies.short_runs import judged, judging_sets, learning_sets, study_parser, study_record
-from benchmarks.weights import weights_sha256
+from benchmarks.studies.short_runs import Variant, judging_sets, learning_sets, run_variants, study_parser
 from endosdk.training import checkpoint
-from endosdk.training.config import TrainConfig
-from endosdk.training.train import train
 
 LIGHT = ("tone", "colours", "blur", "noise", "glare", "haze", "compression")
 
 
-def variants(recipe: dict[str, Any], without_objects: tuple[str, ...], seed: int) -> dict[str, dict[str, Any]]:
-    """Return what each run changes of the recipe."""
-    looks = recipe["looks"]
+def variants(looks: tuple[str, ...], without_objects: tuple[str, ...], seed: int) -> dict[str, dict[str, Any]]:
+    """Return what each run changes of the recipe, which has these looks."""
     return {
         "whole recipe": {},
         "whole recipe, another seed": {"seed": seed + 1},
@@ -43,19 +38,13 @@ def main() -> None:
     sets = judging_sets(args.held_out, args.pairs, args.middlebury)
     given: dict[str, Any] = {"init_from": args.start, "held_out": 0, "steps": args.steps, "threads": 1}
     given |= {"data": learning_sets(args), "rate": 4e-4, "seed": args.seed, "validate_every": args.steps}
-    recipe = {**checkpoint.inherited(args.start, given), **given}
-    found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
-    for name, changes in variants(recipe, (args.gi, args.lap), args.seed).items():
-        out = args.runs / name.replace(",", "").replace(" ", "-")
-        there = (out / checkpoint.LAST).exists()
-        if not there or checkpoint.load(out).step < args.steps:
-            train(TrainConfig.from_dict({**recipe, **changes}), out, resume=there)
-        found[name] = judged(checkpoint.load(out).build(), sets)
-        print(name, found[name], flush=True)
-        record = study_record(args, sets, recipe, found)
-        command = f"python -m benchmarks.studies.recipe_gains --start {args.start} --pairs {args.pairs} "
-        command += f"--steps {args.steps} --seed {args.seed} ..."
-        write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})
+    looks = checkpoint.inherited(args.start, given)["looks"]
+    runs = {
+        name: Variant(name.replace(",", "").replace(" ", "-"), changes)
+        for name, changes in variants(looks, (args.gi, args.lap), args.seed).items()
+    }
+    command = f"python -m benchmarks.studies.recipe_gains --start {args.start} --pairs {args.pairs} "
+    run_variants(args, sets, given, runs, command + f"--steps {args.steps} --seed {args.seed} ...")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,21 @@
-"""What studies of short training runs share: their options, what runs are judged on, and the record."""
+"""What studies of short training runs share: their options, what runs are judged on, the runs, and the record."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from benchmarks.record import write_record
+from benchmarks.weights import weights_sha256
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.evaluation.scores import ScoreBoard
+from endosdk.training import checkpoint
+from endosdk.training.config import TrainConfig
 from endosdk.training.networks.base import StereoNetwork
+from endosdk.training.train import train
 from endosdk.training.validation import predict_frames
 
 PATH_TRACED = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
@@ -65,7 +71,40 @@ def learning_sets(args: argparse.Namespace) -> tuple[str, ...]:
     return tuple(getattr(args, kind) for kind in KINDS)
 
 
-def study_record(
+class Variant(NamedTuple):
+    """One run of a study."""
+
+    folder: str  # its name within --runs
+    changes: Mapping[str, Any]  # what it sets otherwise than the recipe
+    fit: Callable[..., object] = train  # takes the settings, the folder, and whether the run there goes on
+
+
+def run_variants(
+    args: argparse.Namespace,
+    sets: JudgingSets,
+    given: dict[str, Any],
+    variants: Mapping[str, Variant],
+    command: str,
+) -> None:
+    """Train and judge every variant, and the weights that they start from; the record grows with each of them.
+
+    The recipe is that of the weights, with what is ``given``. A run of ``args.steps`` steps that is there is judged but
+    not repeated, a shorter one goes on.
+    """
+    recipe = {**checkpoint.inherited(args.start, given), **given}
+    found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
+    for name, variant in variants.items():
+        out = args.runs / variant.folder
+        there = (out / checkpoint.LAST).exists()
+        if not there or checkpoint.load(out).step < args.steps:
+            variant.fit(TrainConfig.from_dict({**recipe, **variant.changes}), out, resume=there)
+        found[name] = judged(checkpoint.load(out).build(), sets)
+        print(name, found[name], flush=True)
+        record = _record(args, sets, recipe, found)
+        write_record(args.json, record, command=command, hashes={"start_sha256": weights_sha256(args.start)})
+
+
+def _record(
     args: argparse.Namespace, sets: JudgingSets, recipe: dict[str, Any], runs: dict[str, Any]
 ) -> dict[str, Any]:
     """Say what was judged on what, and what it has learned from."""

@@ -1,9 +1,13 @@
-"""The study of a clean teacher: what the student and the teacher see, and how far apart their answers are."""
+"""The study of a clean teacher, and the runs that it shares with the study of the recipe's gains."""
+
+import json
+from dataclasses import replace
 
 import pytest
 import torch
 
 from benchmarks.studies.clean_teacher import SpoiltAndClean, Student, volume_distance
+from benchmarks.studies.short_runs import KINDS, Variant, run_variants, study_parser
 from endosdk.datasets.layouts import open_dataset
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -65,3 +69,22 @@ def test_a_student_learns_and_its_teacher_stays(tiny_set, tmp_path):
     learned = checkpoint.load(tmp_path / "run")
     assert learned.step == 2
     assert any(not torch.equal(value, run.teacher.state_dict()[name]) for name, value in learned.network.items())
+
+
+def test_a_run_that_is_there_is_judged_but_not_repeated(tiny_set, tmp_path):
+    started = checkpoint.load(checkpoint.starting_point("fast"))
+    asked = []
+
+    def fit(config, out, *, resume):
+        asked.append((out.name, config.seed, resume))
+        out.mkdir(exist_ok=True)
+        checkpoint.save_weights(out / checkpoint.LAST, replace(started, step=config.steps))
+
+    runs = {"one": Variant("the-one", {"seed": 7}, fit)}
+    words = [f"--{name}={tiny_set}" for name in (*KINDS, "held-out", "middlebury")]
+    args = study_parser("").parse_args([*words, f"--runs={tmp_path}", f"--json={tmp_path / 'record.json'}"])
+    for steps in (3, 3, 5):
+        args.steps = steps
+        run_variants(args, {}, {"steps": steps}, runs, "python -m benchmarks.studies.recipe_gains ...")
+    assert asked == [("the-one", 7, False), ("the-one", 7, True)]
+    assert list(json.loads((tmp_path / "record.json").read_text())["runs"]) == ["before", "one"]
