@@ -15,7 +15,7 @@ from endosdk.datasets.layouts import open_dataset
 from endosdk.simulation.faults import chips, colours, field, lens, rows
 from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
 from endosdk.simulation.noise import fractal_tile
-from tests.simulation.test_sample import at_match
+from tests.simulation.matched_views import at_match
 
 HEIGHT, WIDTH, SHIFT = 180, 240, 24.0
 QUIET = chips.Chip(1.0, (1.0, 1.0, 1.0), 1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0)

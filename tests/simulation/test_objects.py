@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -19,7 +18,7 @@ from endosdk.simulation.patterns import PATTERNS, draw_pattern
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.rigs import OBJECT_SPANS, SceneRig, draw_camera, draw_range
 from endosdk.simulation.surfaces import mesh_of
-from tests.simulation.test_sample import at_match
+from tests.simulation.matched_views import at_match, check_views_match_best_at_the_truth, seen_by_both
 
 SEEDS = range(5, 13)
 
@@ -42,31 +41,16 @@ def test_truth_is_everywhere_and_never_nearer_than_the_rig_may_see(samples: list
             assert 0 < np.nanmin(disparity) < np.nanmax(disparity) <= rig_of(seed).nearest
 
 
-def detail(view: np.ndarray) -> np.ndarray:
-    """A view without its exposure and without highlights, which move with the eye."""
-    view = view.astype(np.float32)
-    return np.asarray(np.clip(view - cv2.blur(view, (7, 7)), -20, 20).mean(2))
-
-
 def test_the_right_view_moved_by_the_truth_is_the_left_view(samples: list[Sample]) -> None:
     """Half a pixel more or less is worse in every scene: no bias, and no edge on the wrong side."""
     for sample in samples:
-        assert sample.occlusion is not None
-        seen = cv2.erode((~sample.occlusion).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        left = detail(sample.left)
-        error = {
-            shift: float(np.abs(detail(at_match(sample.right, sample.disparity, shift)) - left)[seen].mean())
-            for shift in (-0.5, 0.0, 0.5)
-        }
-        assert error[0.0] < 0.9 * min(error[-0.5], error[0.5])
+        check_views_match_best_at_the_truth(sample, gain=0.9)
 
 
 def test_left_and_right_truth_agree_where_both_see(samples: list[Sample]) -> None:
     for sample in samples:
         assert sample.disparity_right is not None
-        assert sample.occlusion is not None
-        seen = cv2.erode((~sample.occlusion).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        gap = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)[seen]
+        gap = np.abs(at_match(sample.disparity_right, sample.disparity) - sample.disparity)[seen_by_both(sample)]
         assert np.quantile(gap, 0.9) < 0.02
 
 

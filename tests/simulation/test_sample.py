@@ -20,6 +20,7 @@ from endosdk.simulation.sample import (
 )
 from endosdk.simulation.scene import ORGANS, draw_scene
 from tests.simulation.conftest import SMALL
+from tests.simulation.matched_views import at_match
 
 LIMITS = DisparityLimits(0.5, 17.5)
 
@@ -27,13 +28,6 @@ LIMITS = DisparityLimits(0.5, 17.5)
 @pytest.fixture(scope="module")
 def samples(renderer: Rasteriser) -> dict[str, Sample]:
     return {organ: render_sample(renderer, 11, organ, SMALL, LIMITS) for organ in ORGANS}
-
-
-def at_match(picture: np.ndarray, disparity: np.ndarray, shift: float = 0.0) -> np.ndarray:
-    """The right picture where the left pixels' matches lie, moved by ``shift`` px."""
-    rows, columns = np.indices(disparity.shape, np.float32)
-    place = columns - np.nan_to_num(disparity) + np.float32(shift)
-    return np.asarray(cv2.remap(picture, place, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 @pytest.mark.parametrize("organ", ORGANS)

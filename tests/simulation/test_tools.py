@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -21,8 +20,7 @@ from endosdk.simulation.surfaces import mesh_of
 from endosdk.simulation.tools import pieces
 from endosdk.simulation.tools.materials import TONES, draw_material
 from endosdk.simulation.tools.place import BareView, draw_tools, into_organ
-from tests.simulation.test_objects import detail
-from tests.simulation.test_sample import at_match
+from tests.simulation.matched_views import check_views_match_best_at_the_truth
 
 CAMERA = StereoCamera(320, 240, 300.0, 4.2)
 RIG = SceneRig(CAMERA, (150.0, 126.0), "middle", farthest=5.0, nearest=24.0, limit=80.0)
@@ -101,14 +99,7 @@ def test_the_picture_reaches_nearer_than_the_tissue_and_never_too_near(samples: 
 
 def test_the_right_view_moved_by_the_truth_is_the_left_view(samples: list[Sample]) -> None:
     for sample in samples:
-        assert sample.occlusion is not None
-        seen = cv2.erode((~sample.occlusion).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        left = detail(sample.left)
-        error = {
-            shift: float(np.abs(detail(at_match(sample.right, sample.disparity, shift)) - left)[seen].mean())
-            for shift in (-0.5, 0.0, 0.5)
-        }
-        assert min(error, key=lambda shift: error[shift]) == 0.0
+        check_views_match_best_at_the_truth(sample)
 
 
 def test_neighbouring_seeds_share_an_organ_and_nothing_else(samples: list[Sample]) -> None:
