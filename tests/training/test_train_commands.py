@@ -135,7 +135,7 @@ def test_a_layout_without_test_pairs_is_scored_on_those_with_truth(tmp_path, mon
     for slow in ("export_model", "check_parity"):
         monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
     for given in ({}, {"data": tmp_path / "kitti", "layout": "kitti"}):
-        report = release(checkpoint.load(run), tmp_path / "m.onnx", **given)
+        report = release(checkpoint.load(run), tmp_path / "m.onnx", version="1", **given)
         assert (report["training"]["test"]["split"], report["training"]["test"]["pairs"]) == ("train", 2)
 
 
@@ -165,7 +165,7 @@ def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_pat
         "__getitem__",
         lambda self, index: read.append((self.split, self.ids[index])) or original(self, index),
     )
-    release(checkpoint.load(tmp_path / "run"), model, int8=int8)
+    release(checkpoint.load(tmp_path / "run"), model, version="1", int8=int8)
     assert {name for split, name in read if split == "train"} == {f"{index:04d}" for index in range(6)}
     recorded = json.loads(ort.InferenceSession(int8).get_modelmeta().custom_metadata_map["endosdk.training"])
     assert recorded["quantisation"]["pairs"] == recorded["data"]["pairs"] == 6

@@ -61,6 +61,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Export, compare with torch, and write the figures beside the file."""
+    _check(args)
+    return (_serve_alone(args) if args.out is None else _export(args)).end()
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot be exported, before the minutes that scoring takes. Raises InvalidArgument."""
     from endosdk.errors import InvalidArgument
 
     if args.out is None:
@@ -69,10 +75,6 @@ def run(args: argparse.Namespace) -> int:
         for name in ("int8", "ranges_of", "weights", "data", "layout", "name", "model_version", "output_stride"):
             if getattr(args, name) is not None:
                 raise InvalidArgument(name, "is for a training run that is exported; give --out", getattr(args, name))
-        return _serve(Report(args), args.run, args.triton).end()
-    from endosdk.training import checkpoint
-    from endosdk.training.release import release
-
     for name, ending in (("out", ".onnx"), ("int8", ".onnx"), ("weights", ".safetensors")):
         file = getattr(args, name)
         if file is not None and file.suffix != ending:
@@ -82,15 +84,26 @@ def run(args: argparse.Namespace) -> int:
     if args.ranges_of is not None and args.int8 is None:
         raise InvalidArgument("ranges_of", "is for --int8; give both", args.ranges_of)
     version = VERSION if args.model_version is None else args.model_version
-    # Known before the minutes that scoring takes, not when the model is added.
     if args.triton is not None and not (version.isascii() and version.isdecimal() and version.strip("0")):
         raise InvalidArgument("model_version", "must be a whole number with --triton", repr(version))
+
+
+def _serve_alone(args: argparse.Namespace) -> Report:
+    """Add a model that is there to a Triton repository."""
+    return _serve(Report(args), args.run, args.triton)
+
+
+def _export(args: argparse.Namespace) -> Report:
+    """Write the files of a training run, and say what they reach."""
+    from endosdk.training import checkpoint
+    from endosdk.training.release import release
+
     trained = checkpoint.load(Path(args.run))
     figures = release(
         trained,
         args.out,
         name=args.name,
-        version=version,
+        version=VERSION if args.model_version is None else args.model_version,
         data=args.data,
         layout=args.layout or "endosdk",
         int8=args.int8,
@@ -106,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     report.line("written " + ", ".join(map(str, files)))
     if args.triton:
         _serve(report, str(args.int8 or args.out), args.triton)
-    return report.end()
+    return report
 
 
 def _serve(report: Report, model: str, repository: Path) -> Report:
