@@ -20,7 +20,8 @@ from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
 from endosdk.training.parity import check_parity
-from endosdk.training.train import LOG_COLUMNS, train
+from endosdk.training.run_log import LOG_COLUMNS
+from endosdk.training.train import train
 from tests.training.warped_scenes import constant_pair, warped_pair
 
 # Stated by the authors: 5.2 M for PSMNet, about 43 k for AnyNet.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import logging
 import os
 import sys
@@ -21,7 +19,7 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.errors import DatasetInvalid, InvalidArgument, ProviderUnavailable, StorageFailed
+from endosdk.errors import DatasetInvalid, InvalidArgument, ProviderUnavailable
 from endosdk.io.progress import progress
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -33,6 +31,7 @@ from endosdk.training.networks.base import Prediction, StereoNetwork, Window
 from endosdk.training.networks.blocks import freeze_norm
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.rounding import round_to_bytes
+from endosdk.training.run_log import RunLog
 from endosdk.training.run_process import process_group, stop_signal
 from endosdk.training.sets import open_sets, split_pairs
 from endosdk.training.survey import MOST_CROPS, teach_surveyor
@@ -44,7 +43,6 @@ CROPS_WITHOUT_STEPS = 8  # of a pair
 COUNTED_PAIRS = 64  # so many tell how much truth lies beyond the range
 # What is measured beside the training, every `validate_every` steps; it is told whether the refinement is computed yet.
 Watch = Callable[[StereoNetwork, bool], dict[str, float]]
-LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined", "volume")
 
 
 def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch | None = None) -> Path:
@@ -94,15 +92,14 @@ class Run:
         self.history: list[dict[str, float]] = []
         self.watch: Watch | None = None
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
-        saved = self._restore(resume)
+        moments = self._restore(resume)
         channels_last(self.network.to(self.device))
         if config.quantised:
             round_to_bytes(self.network)
         self.optimiser = build_optimiser(self.network, config)
-        if saved is not None and resume:
-            checkpoint.restore_optimiser(self.optimiser, saved.optimiser)
-        if rank == 0:
-            self._start_log(resume)
+        if moments is not None:
+            checkpoint.restore_optimiser(self.optimiser, moments)
+        self.log = RunLog(out, self.step if resume else None) if rank == 0 else None
 
     def _crops_of(self, pairs: list[int]) -> Crops:
         config = self.config
@@ -117,41 +114,55 @@ class Run:
             inference_width=self.network.inference_width,
         )
 
-    def _restore(self, resume: bool) -> checkpoint.Checkpoint | None:
-        if not resume and (self.out / checkpoint.LAST).exists():
+    def _restore(self, resume: bool) -> dict[str, Tensor] | None:
+        """Take over what the run goes on from; return the state of the optimiser where it is a run's own."""
+        if resume:
+            return self._resume(checkpoint.load(self.out))
+        self._check_start()
+        if self.config.init_from is not None:
+            # Only a start may be a shipped name: a run's own folder may be called the same.
+            self._start_from(checkpoint.load(checkpoint.starting_point(self.config.init_from)))
+        return None
+
+    def _resume(self, saved: checkpoint.Checkpoint) -> dict[str, Tensor]:
+        # What the weights were before a run stays what it was.
+        for name in ("network", "max_disparity", "inference_width", "init_from"):
+            self._check_same(saved, name)
+        saved.load_into(self.network)
+        if saved.config.optimiser != self.config.optimiser:
+            raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
+        if saved.step > self.config.steps:
+            raise InvalidArgument("steps", f"must be at least the {saved.step} that are done", self.config.steps)
+        self.step, self.seconds = saved.step, float(saved.state["seconds"])
+        self.history, self.origin = saved.state["history"], saved.state["init"]
+        self._compare_precision(saved.state.get("precision"))
+        return saved.optimiser
+
+    def _check_start(self) -> None:
+        """Refuse to begin over another run, or without the weights that the settings need."""
+        if (self.out / checkpoint.LAST).exists():
             raise InvalidArgument("out", "must not hold another run unless it is resumed", self.out)
-        if not resume and self.config.init_from is None:
-            if self.config.refine_only:
-                raise InvalidArgument("init_from", "must name a trained coarse stage with refine_only", None)
-            if self.config.frozen_norm:
-                raise InvalidArgument("init_from", "must name trained weights with frozen_norm", None)
-            return None
-        # Only a start may be a shipped name: a run's own folder may be called the same.
-        saved = checkpoint.load(self.out if resume else checkpoint.starting_point(str(self.config.init_from)))
+        if self.config.init_from is None and self.config.refine_only:
+            raise InvalidArgument("init_from", "must name a trained coarse stage with refine_only", None)
+        if self.config.init_from is None and self.config.frozen_norm:
+            raise InvalidArgument("init_from", "must name trained weights with frozen_norm", None)
+
+    def _start_from(self, saved: checkpoint.Checkpoint) -> None:
         # No weight depends on how many planes are searched, or on what is done beside the layers: a run may start from
         # one of another range, and from another network of the same weights.
-        others = ("network",) if saved.differing(self.network) else ()
-        # What the weights were before a run stays what it was.
-        for name in ("network", "max_disparity", "inference_width", "init_from") if resume else others:
-            if getattr(saved.config, name) != getattr(self.config, name):
-                raise InvalidArgument(
-                    name, f"must be the checkpoint's {getattr(saved.config, name)}", getattr(self.config, name)
-                )
+        if saved.differing(self.network):
+            self._check_same(saved, "network")
         saved.load_into(self.network)
-        if resume:
-            if saved.config.optimiser != self.config.optimiser:
-                raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
-            if saved.step > self.config.steps:
-                raise InvalidArgument("steps", f"must be at least the {saved.step} that are done", self.config.steps)
-            self.step, self.seconds = saved.step, float(saved.state["seconds"])
-            self.history, self.origin = saved.state["history"], saved.state["init"]
-            self._compare_precision(saved.state.get("precision"))
-        else:
-            kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate", "decay")
-            past = {key: saved.config.as_dict()[key] for key in kept}
-            notes = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
-            self.origin = checkpoint.with_oldest_joined(notes)
-        return saved
+        kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate", "decay")
+        past = {key: saved.config.as_dict()[key] for key in kept}
+        notes = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
+        self.origin = checkpoint.with_oldest_joined(notes)
+
+    def _check_same(self, saved: checkpoint.Checkpoint, name: str) -> None:
+        """Refuse a setting that is not the checkpoint's."""
+        before, now = getattr(saved.config, name), getattr(self.config, name)
+        if before != now:
+            raise InvalidArgument(name, f"must be the checkpoint's {before}", now)
 
     def _compare_precision(self, before: str | None) -> None:
         if before is not None and before != self.precision:
@@ -207,7 +218,7 @@ class Run:
             self.seconds = spent + time.monotonic() - began
             bar.update()
             done = self.step == last
-            if self.rank == 0 and (self.step % self.config.log_every == 0 or done):
+            if self.step % self.config.log_every == 0 or done:
                 self._log(report, bar)
             if self.step % self.config.validate_every == 0 or done:
                 self._validate(refined, bar)
@@ -244,8 +255,8 @@ class Run:
         """Return the weighted loss and the error of each map, on the grid of the views, of this batch."""
         truths = [truth] if window is None else [truth, window.of(truth)]
         # Networks with stages of their own say how much each counts; those that are not computed yet have no map.
-        stages = getattr(self.network, "stage_weights", (self.config.coarse_weight, 1.0) if refined else (1.0,))
-        weights = stages[: len(maps)]
+        ours = (self.config.coarse_weight, 1.0) if refined else (1.0,)
+        weights = (self.network.stage_weights or ours)[: len(maps)]
         total = torch.zeros((), device=self.device)
         report: dict[str, Tensor] = {}
         for index, (found, weight) in enumerate(zip(maps, weights, strict=True)):
@@ -283,7 +294,7 @@ class Run:
 
     def _validate(self, refined: bool, bar: tqdm[Any]) -> None:
         """Measure the error on whole held-out pairs; the first process does it while the others wait."""
-        if self.rank == 0 and (self.held_out or self.watch):
+        if self.log is not None and (self.held_out or self.watch):
             entry = {"step": float(self.step), "seconds": round(self.seconds, 1)}
             if self.held_out:
                 entry.update(mean_errors(self.network, self.reader, self.held_out, refined=refined))
@@ -291,7 +302,7 @@ class Run:
                 entry.update(self.watch(self.network, refined))
             self.history.append(entry)
             bar.write("  ".join(f"{name} {value:.4g}" for name, value in entry.items()), file=sys.stderr)
-            self._write_summary()
+            self.log.write_summary(self.config.as_dict(), self._dataset_note(), self.history)
         if self.world > 1:
             dist.barrier()
 
@@ -321,30 +332,12 @@ class Run:
             fit_confidence(self.network, self.reader, self.held_out, seed, spoilt=spoilt)
         self.save()
 
-    def _start_log(self, resume: bool) -> None:
-        log = self.out / "log.csv"
-        rows: list[list[str]] = []
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-            if resume and log.exists():
-                with log.open(newline="") as file:
-                    # Lines after the checkpoint belong to steps that are taken again.
-                    rows = [row for row in list(csv.reader(file))[1:] if int(row[0]) <= self.step]
-            with log.open("w", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows([LOG_COLUMNS, *rows])
-        except OSError as error:
-            raise StorageFailed("out", "must be a folder that can be written", error) from error
-
     def _log(self, report: dict[str, Tensor], bar: tqdm[Any]) -> None:
+        if self.log is None:
+            return
         values = {name: value.item() for name, value in report.items()}
         bar.set_postfix({name: f"{value:.3g}" for name, value in values.items() if name != "rate"})
-        row = {"step": self.step, "seconds": round(self.seconds, 1), **values}
-        with (self.out / "log.csv").open("a", newline="") as file:
-            csv.DictWriter(file, LOG_COLUMNS, restval="", lineterminator="\n").writerow(row)
-
-    def _write_summary(self) -> None:
-        summary = {"config": self.config.as_dict(), "dataset": self._dataset_note(), "validation": self.history}
-        (self.out / "log.json").write_text(json.dumps(summary, indent=1) + "\n")
+        self.log.add_step(self.step, self.seconds, values)
 
     def _dataset_note(self) -> dict[str, Any]:
         """Say which data the run sees.

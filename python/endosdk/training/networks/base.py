@@ -73,6 +73,7 @@ class StereoNetwork(nn.Module, ABC):
     output_stride: int  # input pixels per cell of the network's own map
     refine_margin: int  # how far the refinement looks, in input pixels, up to a multiple of ``input_multiple``
     reads_bytes: bool = False  # the exported form takes the views as uint8, as they are in memory
+    stage_weights: tuple[float, ...] | None = None  # of the loss of each map, coarse to fine; None: as the run says
     candidates: tuple[int, ...] = ()  # disparities of the planes that `Prediction.cost` is about, input px
     plane_step: int | None = None  # input px from a disparity plane to the next; None: no last one
     inference_width: int | None = None  # width at which frames are to be seen, px; None: any
