@@ -219,8 +219,9 @@ class StereoCalibration:
         from endosdk.calibration.files import exports, native
 
         exports.check_name("path", path)
-        if exports.layout_of(Path(path)) is not None:
-            return exports.write(self, Path(path))
+        write_export = exports.writer_of(Path(path))
+        if write_export is not None:
+            return write_export(self, Path(path))
         native.write(self.content(), self.sha256, Path(path))
         return [Path(path)]
 

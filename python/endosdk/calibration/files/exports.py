@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,39 +25,44 @@ from endosdk.io.whole_files import write_text
 if TYPE_CHECKING:
     from endosdk.calibration.rig import StereoCalibration
 
-ENDINGS = (".opencv.yaml", ".ros.yaml", ".kalibr.yaml")
 METRES = 1e-3
+ROS_ENDING = ".ros.yaml"
+
+Writer = Callable[["StereoCalibration", Path], list[Path]]  # returns the files written; raises `StorageFailed`
 
 
-def layout_of(path: Path) -> str | None:
-    """Return the ending by which a name asks for another program's layout, or None."""
-    return next((ending for ending in ENDINGS if path.name.lower().endswith(ending)), None)
+def writer_of(path: Path) -> Writer | None:
+    """Return what writes the layout of another program that a name asks for by its ending, or None."""
+    return next((write for ending, write in WRITERS.items() if path.name.lower().endswith(ending)), None)
 
 
 def check_name(argument: str, path: Any) -> None:
     """Refuse what is no name of a calibration file that `StereoCalibration.save` writes. Raises InvalidArgument."""
     if not isinstance(path, str | Path):
         raise InvalidArgument(argument, "must be a file name", repr(path))
-    if layout_of(Path(path)) is None and Path(path).suffix.lower() not in native.ENDINGS:
-        raise InvalidArgument(argument, f"must end in one of {', '.join((*native.ENDINGS, *ENDINGS))}", str(path))
+    if writer_of(Path(path)) is None and Path(path).suffix.lower() not in native.ENDINGS:
+        raise InvalidArgument(argument, f"must end in one of {', '.join((*native.ENDINGS, *WRITERS))}", str(path))
 
 
-def write(calibration: StereoCalibration, path: Path) -> list[Path]:
-    """Write the layout that the name asks for, and return the files. Raises `StorageFailed`."""
-    ending = layout_of(path)
-    if ending == ".opencv.yaml":
-        write_text(path, _opencv(calibration))
-        return [path]
-    if ending == ".kalibr.yaml":
-        write_text(path, _yaml(_kalibr(calibration)))
-        return [path]
-    if ending != ".ros.yaml":
-        raise InvalidArgument("path", f"must end in {', '.join(ENDINGS)}", path.name)
-    stem = path.name[: -len(ending)]
-    files = [path.with_name(f"{stem}.{side}.ros.yaml") for side in ("left", "right")]
+def _write_opencv(calibration: StereoCalibration, path: Path) -> list[Path]:
+    write_text(path, _opencv(calibration))
+    return [path]
+
+
+def _write_ros(calibration: StereoCalibration, path: Path) -> list[Path]:
+    stem = path.name[: -len(ROS_ENDING)]
+    files = [path.with_name(f"{stem}.{side}{ROS_ENDING}") for side in ("left", "right")]
     for side, file in zip(("left", "right"), files, strict=True):
         write_text(file, _yaml(_ros(calibration, side)))
     return files
+
+
+def _write_kalibr(calibration: StereoCalibration, path: Path) -> list[Path]:
+    write_text(path, _yaml(_kalibr(calibration)))
+    return [path]
+
+
+WRITERS: dict[str, Writer] = {".opencv.yaml": _write_opencv, ROS_ENDING: _write_ros, ".kalibr.yaml": _write_kalibr}
 
 
 def _opencv(calibration: StereoCalibration) -> str:
