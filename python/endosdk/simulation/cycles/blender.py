@@ -96,11 +96,6 @@ class CyclesRenderer:
         """Return planar depth in mm [H,W] at the pixel centres, infinite where there is no surface."""
         return self._rasteriser.depth(view, pose, scale)
 
-    def traced_depth(self, view: View, pose: Pose, scale: float, lamp: Lamp, middle: Vector, reach: float) -> Array:
-        """Return what `depth` does as Cycles sees it, to compare the two; 0 where there is no surface."""
-        self._load(pose, scale, lamp, middle, reach)
-        return self._draw(view, depth=True)
-
     def colour(self, view: View, pose: Pose, scale: float, lamp: Lamp, middle: Vector, reach: float) -> Array:
         """Return linear light [H,W,3]; the lamp hangs at ``middle`` (rig mm) and has unit strength at ``reach`` mm."""
         self._load(pose, scale, lamp, middle, reach)
