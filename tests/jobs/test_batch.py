@@ -78,6 +78,7 @@ def test_a_batch_gives_what_predict_gives(archive, settings, done):
         disparity = cv2.imread(str(folder / "disparity.png"), cv2.IMREAD_UNCHANGED)
         np.testing.assert_array_equal(disparity, np.rint(result.disparity * 256).astype(np.uint16))
         np.testing.assert_array_equal(np.load(folder / "depth.npy"), result.depth)
+        np.testing.assert_array_equal(np.load(folder / "sigma.npy"), result.sigma)
         described = json.loads((folder / "result.json").read_text())
         assert described["status"] == result.status.name
         assert described["median_depth_mm"] == pytest.approx(np.nanmedian(result.depth), abs=1e-3)
@@ -167,7 +168,8 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
     shutil.copy(archive / "right" / broken.name, broken)
     assert main(words) == 0
     assert len(list((tmp_path / "out" / "pairs").iterdir())) == len(NAMES)
-    assert not list((tmp_path / "out" / "pairs").glob("*/depth.*")), "no rig, no depth"
+    for name in ("depth.*", "sigma.*"):
+        assert not list((tmp_path / "out" / "pairs").glob(f"*/{name}")), "no rig, no depth"
 
 
 def test_another_model_does_not_mix_into_a_batch(archive, settings, done):

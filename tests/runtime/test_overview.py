@@ -86,6 +86,18 @@ def test_files_hold_what_the_result_holds(predicted, tmp_path):
     assert np.array_equal(read["reasons.png"], result.reasons)
     assert np.allclose(read["confidence.png"] / 255, result.confidence, atol=1 / 510 + 1e-6)
     assert np.array_equal(np.load(files["depth.npy"]), result.depth, equal_nan=True)
+    sigma = np.load(files["sigma.npy"])
+    assert sigma.dtype == np.float32 and np.array_equal(sigma, result.sigma, equal_nan=True)
+    assert np.array_equal(np.isnan(sigma), ~valid)
+
+
+def test_no_calibration_leaves_no_file_in_mm(predicted, tmp_path):
+    left, calibrated = predicted
+    write_result(tmp_path, left, calibrated)
+    write_result(tmp_path, left, DepthEstimator(TINY_MODEL).predict(*shifted_pair(96, 160, 12)))
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("overview.png", "disparity.png", "confidence.png", "reasons.png")
+    }
 
 
 def test_frame_files_come_back_as_rgb(tmp_path):

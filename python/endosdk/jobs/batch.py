@@ -34,7 +34,7 @@ from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import DepthResult
 from endosdk.runtime.result_files import write_maps
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3  # a batch begun by an older one lacks files that a pair now has
 RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
 RESULT = "result.json"  # of one pair: its numbers, and the SHA-256 of each of its files

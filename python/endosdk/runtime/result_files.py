@@ -15,7 +15,7 @@ from endosdk.runtime.overview import colour_map, overview, robust_range
 from endosdk.runtime.result import DepthResult
 
 # What a result without a rig has not.
-METRIC_FILES = ("depth.png", "depth.npy", "depth_preview.png", "points.ply")
+METRIC_FILES = ("depth.png", "depth.npy", "sigma.npy", "depth_preview.png", "points.ply")
 
 DEPTH_STEPS_PER_MM = 10  # of depth.png: up to 6.5 m in steps far below any error
 
@@ -51,7 +51,9 @@ def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
     ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit, tenths of a mm; both 0 where there is no value.
-    ``depth.npy`` keeps the float32 millimetres. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits.
+    ``depth.npy`` keeps the float32 millimetres, ``sigma.npy`` the expected error of each, float32 mm; both NaN where
+    there is no value. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits. Files of depth and sigma
+    need a calibration.
     """
     folder = Path(folder)
     try:
@@ -69,10 +71,11 @@ def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
     for name, picture in pictures.items():
         write_picture(folder / name, picture)
         written[name] = folder / name
-    if result.depth_map is not None:
-        written["depth.npy"] = folder / "depth.npy"
-        with whole_file(written["depth.npy"], "out") as stream:
-            np.save(stream, result.depth_map)
+    for name, values in (("depth.npy", result.depth_map), ("sigma.npy", result.sigma_map)):
+        if values is not None:
+            written[name] = folder / name
+            with whole_file(written[name], "out") as stream:
+                np.save(stream, values)
     return written
 
 
