@@ -15,7 +15,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from endosdk.datasets.dataset import FORMAT_VERSION, encode_disparity, hash_sample, read_colours, read_gray, read_sample
+from endosdk.datasets.dataset import FORMAT_VERSION, read_colours, read_gray, read_sample
+from endosdk.datasets.verifier import hash_sample
+from endosdk.datasets.writer import encode_disparity
 
 QUALITY = 93
 VIEW = [

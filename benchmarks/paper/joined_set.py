@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.datasets.dataset import FORMAT_VERSION, read_record, write_dataset_record
+from endosdk.datasets.dataset import FORMAT_VERSION, read_record
+from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import InvalidArgument
 
 

@@ -12,7 +12,8 @@ from benchmarks.methods.anynet import _residual_volume
 from benchmarks.methods.costs import count_macs, network_costs, step_gmacs
 from benchmarks.methods.planes import PlaneConv, PlaneConvTranspose
 from benchmarks.methods.propagation import Propagation
-from endosdk.datasets.dataset import SPLITS, Sample, write_dataset_record, write_sample
+from endosdk.datasets.dataset import SPLITS, Sample
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig

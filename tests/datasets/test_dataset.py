@@ -12,17 +12,10 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk.datasets.dataset import (
-    Sample,
-    encode_disparity,
-    find_occlusion,
-    read_disparity,
-    read_sample,
-    verify_dataset,
-    write_dataset_record,
-    write_sample,
-)
+from endosdk.datasets.dataset import Sample, find_occlusion, read_disparity, read_sample
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.verifier import verify_dataset
+from endosdk.datasets.writer import encode_disparity, write_dataset_record, write_sample
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 
 

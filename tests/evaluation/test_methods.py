@@ -6,8 +6,9 @@ import pytest
 
 from endosdk import errors
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
+from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method
 from endosdk.io.pictures import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair

@@ -8,7 +8,8 @@ import numpy as np
 import onnx
 import pytest
 
-from endosdk.datasets.dataset import Sample, read_record, write_sample
+from endosdk.datasets.dataset import Sample, read_record
+from endosdk.datasets.writer import write_sample
 from endosdk.errors import DatasetInvalid, EndoError, InvalidArgument
 from endosdk.io.names import is_plain_name
 from endosdk.runtime.triton import write_repository

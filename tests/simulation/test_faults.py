@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import Sample, find_occlusion, write_dataset_record, write_sample
+from endosdk.datasets.dataset import Sample, find_occlusion
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.simulation.faults import chips, colours, field, lens, rows
 from endosdk.simulation.faults.spoil import Faults, draw_faults, spoil
 from endosdk.simulation.noise import fractal_tile

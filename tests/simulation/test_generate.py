@@ -17,8 +17,8 @@ import pytest
 
 from endosdk.commands.cli import VERBS, build_parser, main
 from endosdk.commands.simulate import _recipe
-from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.verifier import verify_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.io.locks import LOCK, locked_folder
 from endosdk.simulation.generate import generate

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import verify_dataset
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.verifier import verify_dataset
 from tests.ray_cluster import a_worker_killed, ray_cluster, ray_quiet
 
 WORDS = (

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import Sample, hash_sample, read_sample, verify_dataset, write_sample
+from endosdk.datasets.dataset import Sample, read_sample
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.verifier import hash_sample, verify_dataset
+from endosdk.datasets.writer import write_sample
 from endosdk.errors import DependencyMissing, InvalidArgument, RendererUnavailable
 from endosdk.simulation.camera import rectified_pair
 from endosdk.simulation.cycles.blender import CyclesRenderer

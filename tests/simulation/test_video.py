@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import Sample, verify_dataset
+from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.verifier import verify_dataset
 from endosdk.simulation.scene import draw_scene
 from endosdk.simulation.stereo_video import draw_flight
 

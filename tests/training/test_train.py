@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
+from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, ProviderUnavailable
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig

@@ -7,7 +7,8 @@ import onnxruntime as ort
 import pytest
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import DatasetReader, Sample, write_dataset_record, write_sample
+from endosdk.datasets.dataset import DatasetReader, Sample
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.runtime.models import shipped_weights
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig

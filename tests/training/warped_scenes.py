@@ -71,7 +71,8 @@ def _texture(rng, height, width):
 
 def write_set(root, pairs, size, disparity):
     """Write a data set of such pairs, one in ten for testing."""
-    from endosdk.datasets.dataset import SPLITS, Sample, write_dataset_record, write_sample
+    from endosdk.datasets.dataset import SPLITS, Sample
+    from endosdk.datasets.writer import write_dataset_record, write_sample
 
     hashes = {split: {} for split in SPLITS}
     for seed in range(pairs):

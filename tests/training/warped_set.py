@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.datasets.dataset import Sample, write_dataset_record, write_sample
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from tests.training.warped_scenes import warped_pair
 
 

@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from endosdk.datasets.dataset import verify_dataset
+    from endosdk.datasets.verifier import verify_dataset
 
     report = Report(args)
     count = 0

@@ -1,4 +1,4 @@
-"""Stereo data sets on disk: one kind of sample, a reader, and a writer that never leaves half a sample behind.
+"""Stereo data sets on disk: their layout, one kind of sample, and a reader.
 
 A set is a folder: ``dataset.json`` and ``<train|test>/<id>/`` with ``left.png``, ``right.png`` (or ``.jpg``, in a set
 packed to be kept), ``disparity.png``, optionally ``disparity_right.png`` and ``occlusion.png``, and ``sample.json``.
@@ -8,8 +8,7 @@ Disparities are 16-bit pictures of round(256 d), 0 where there is no truth, so t
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,6 @@ from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.documents import parse_json
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.io.picture_bytes import read_picture
-from endosdk.io.whole_files import whole_folder, write_text
 
 FORMAT_VERSION = 1
 SPLITS = ("train", "test")
@@ -30,9 +28,6 @@ DISPARITY_STEPS = 256.0
 LARGEST_TEXT = 64 * 1024 * 1024  # bytes: dataset.json of half a million samples
 LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 MATCH_TOLERANCE_PX = 1.0
-PNG_EFFORT = 4  # of 9; more takes several times longer and saves a few per cent
-
-Extras = Mapping[str, Callable[[Path], object]]
 
 
 @dataclass(frozen=True)
@@ -233,91 +228,3 @@ def read_disparity(path: Path) -> NDArray[np.float32]:
     return np.where(raw > 0, raw.astype(np.float32) / np.float32(DISPARITY_STEPS), np.float32(np.nan)).astype(
         np.float32
     )
-
-
-def encode_disparity(disparity: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Return round(256 d) as uint16 [H,W]; NaN becomes 0. Raises InvalidArgument for what 16 bits cannot hold."""
-    known = np.isfinite(disparity)
-    scaled = np.round(np.where(known, disparity, 0.0).astype(np.float64) * DISPARITY_STEPS)
-    if known.any() and (scaled[known].min() < 1 or scaled[known].max() > 65535):
-        seen = (float(disparity[known].min()), float(disparity[known].max()))
-        raise InvalidArgument("disparity", f"must lie within 1/256 and {LARGEST_DISPARITY:.3f} px, or be NaN", seen)
-    return scaled.astype(np.uint16)
-
-
-def write_sample(root: Path, split: str, sample: Sample, extras: Extras | None = None) -> str:
-    """Write a sample so that its folder appears complete or not at all; return its sha256.
-
-    ``extras`` maps the names of further files to functions that write them at a path.
-    """
-    if not is_plain_name(sample.id):
-        raise InvalidArgument("sample", f"its id {RULE}", repr(sample.id))
-    final = root / split / sample.id
-    with whole_folder(final, root) as folder:
-        for name, image in _pictures(sample).items():
-            write_picture(folder / name, image)
-        for name, save in (extras or {}).items():
-            save(folder / name)
-        (folder / "sample.json").write_text(json.dumps(_description(sample), indent=1, sort_keys=True) + "\n")
-    return hash_sample(final)
-
-
-def _description(sample: Sample) -> dict[str, Any]:
-    height, width = sample.left.shape[:2]
-    camera = {"focal_px": sample.focal_px, "baseline_mm": sample.baseline_mm, "doffs": sample.doffs}
-    return {"id": sample.id, "camera": {"width": width, "height": height, **camera}, "info": sample.info}
-
-
-def _pictures(sample: Sample) -> dict[str, NDArray[Any]]:
-    pictures: dict[str, NDArray[Any]] = {
-        "left.png": sample.left,
-        "right.png": sample.right,
-        "disparity.png": encode_disparity(sample.disparity),
-    }
-    if sample.disparity_right is not None:
-        pictures["disparity_right.png"] = encode_disparity(sample.disparity_right)
-    if sample.occlusion is not None:
-        pictures["occlusion.png"] = sample.occlusion.astype(np.uint8) * np.uint8(255)
-    return pictures
-
-
-def write_picture(path: Path, image: NDArray[Any]) -> None:
-    """Write a PNG: RGB uint8 [H,W,3], or one channel [H,W] of 8 or 16 bits."""
-    import cv2
-
-    stored = image[..., ::-1] if image.ndim == 3 else image
-    done, data = cv2.imencode(".png", np.ascontiguousarray(stored), [cv2.IMWRITE_PNG_COMPRESSION, PNG_EFFORT])
-    if not done:
-        raise InvalidArgument("sample", f"{path.name} must be a picture PNG can hold", f"{image.dtype} {image.shape}")
-    path.write_bytes(data.tobytes())
-
-
-def write_dataset_record(root: Path, record: dict[str, Any]) -> None:
-    """Write ``dataset.json``, which declares the set complete."""
-    write_text(root / "dataset.json", json.dumps(record, indent=1, sort_keys=True) + "\n", "out")
-
-
-def hash_sample(folder: Path) -> str:
-    """Return the sha256 over the names and contents of a sample's files."""
-    total = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
-        total.update(f"{path.name}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
-    return total.hexdigest()
-
-
-def verify_dataset(root: str | Path) -> Iterator[tuple[str, str | None]]:
-    """Yield (split/id, fault) for each sample: None when its bytes are those recorded, else what is wrong."""
-    root = Path(root)
-    record = read_record(root)
-    for split in SPLITS:
-        recorded = record["samples"][split]
-        for sample_id in sorted(recorded):
-            folder = root / split / sample_id
-            if not folder.is_dir():
-                yield f"{split}/{sample_id}", "missing"
-            elif hash_sample(folder) != recorded[sample_id]:
-                yield f"{split}/{sample_id}", "its bytes differ from those recorded"
-            else:
-                yield f"{split}/{sample_id}", None
-        for folder in sorted(p for p in (root / split).glob("*") if p.name not in recorded):
-            yield f"{split}/{folder.name}", "not in dataset.json"

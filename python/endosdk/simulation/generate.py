@@ -7,7 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, hash_sample, read_record, write_dataset_record
+from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, read_record
+from endosdk.datasets.verifier import hash_sample
+from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.locks import locked_folder
 from endosdk.io.progress import progress as progress_bar

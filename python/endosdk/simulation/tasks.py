@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from endosdk.datasets.dataset import Sample, write_picture, write_sample
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.writer import write_picture, write_sample
 from endosdk.simulation.cycles.blender import CyclesRenderer
 from endosdk.simulation.cycles.environment import find_python
 from endosdk.simulation.faults.spoil import draw_faults, spoil

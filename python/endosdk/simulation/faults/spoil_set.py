@@ -7,15 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import (
-    FORMAT_VERSION,
-    SPLITS,
-    Sample,
-    read_sample_record,
-    write_dataset_record,
-    write_sample,
-)
+from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, read_sample_record
 from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.io.progress import progress as progress_bar
 from endosdk.simulation.faults.spoil import draw_faults, spoil
