@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,14 +29,12 @@ def whole_file(path: Path, argument: str = "path") -> Iterator[BinaryIO]:
         raise StorageFailed(argument, "must be a regular file or not exist", path)
     partial: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(prefix=f"{PARTIAL}{path.name}-", dir=path.parent)
-        partial = Path(name)
-        with os.fdopen(handle, "wb") as stream:
+        new = path.with_name(f"{PARTIAL}{path.name}-{secrets.token_hex(8)}")
+        with new.open("xb") as stream:
+            partial = new
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        # mkstemp makes the file private. Others may read it as far as the umask lets them.
-        partial.chmod(0o666 & ~_umask())
         partial.replace(path)
         _flush_folder(path.parent)
     except OSError as error:
@@ -143,9 +141,3 @@ def _flush_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

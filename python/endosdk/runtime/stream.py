@@ -120,6 +120,9 @@ class Feeder:
             return None
         self._drawing = True
         try:
+            # A closer that came before the line above waits for this thread, however long the source takes.
+            if self._over:
+                return None
             item = next(self._pairs, _END)
         finally:
             self._drawing = False

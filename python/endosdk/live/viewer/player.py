@@ -51,14 +51,14 @@ class Player:
         self.error: EndoError | None = None
         self.ended = False
         self.listeners: list[Callable[[Shown], None]] = []  # called with every answer, on the player's thread
-        self._change = threading.Condition()  # guards everything below
+        self._change = threading.Condition()  # guards what follows, up to the answers done
         self._playing = playing
         self._steps = 0
         self._begun = False
         self._closed = False
         self._restart = False
-        self._drawn: dict[int, float] = {}  # when a frame in work was drawn
-        self._done: deque[float] = deque(maxlen=RATE_WINDOW)
+        self._done: deque[float] = deque(maxlen=RATE_WINDOW)  # when the latest answers came
+        self._drawn: dict[int, float] = {}  # when a frame in work was drawn; single operations, each atomic
         self._adding = threading.Lock()  # guards the recorder: none is taken away while it adds an answer
         self._recorder: Recorder | None = None
         self._thread = threading.Thread(target=self._play, name="endosdk-player", daemon=True)
@@ -150,9 +150,10 @@ class Player:
 
     def _show(self, frame: Frame, result: DepthResult, turn: int) -> None:
         now = time.perf_counter()
-        self._done.append(now)
-        span = self._done[-1] - self._done[0]
-        rate = (len(self._done) - 1) / span if span > 0 else 0.0
+        with self._change:
+            self._done.append(now)
+            span = self._done[-1] - self._done[0]
+            rate = (len(self._done) - 1) / span if span > 0 else 0.0
         delay = 1e3 * (now - self._drawn.pop(frame.number, now))
         self.latest = Shown(frame, result, turn, delay, rate)
         for listener in self.listeners:
