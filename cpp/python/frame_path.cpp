@@ -219,16 +219,9 @@ py::tuple rectified_views(const py::array& left, const py::array& right, const R
   const Size size = pair.size();
   const Rig rig = rig_of(numbers);
   const RectifyStage stage(size, &rig, size, [] {});
-  const size_t view = size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height);
-  std::vector<uint8_t> planes(2 * view);
-  const PlanarView l = {planes.data(), size.width, size.height};
-  const PlanarView r = {planes.data() + view, size.width, size.height};
-  RectifyScratch scratch;
-  stage(pair.left, pair.right, l, r, pair.order, scratch);
   auto out_left = new_picture(size);
   auto out_right = new_picture(size);
-  copy_interleaved(l, size, out_left.mutable_data());
-  copy_interleaved(r, size, out_right.mutable_data());
+  write_rectified(stage, pair, out_left.mutable_data(), out_right.mutable_data());
   return py::make_tuple(out_left, out_right);
 }
 

@@ -1,5 +1,5 @@
 // What is wrong with a frame: one stable list of causes, a measure for each, and the table from which the frame's status
-// follows. The public header shows the same numbers; a static_assert ties the two.
+// follows. The numbers are those of the public header.
 #pragma once
 
 #include <array>
@@ -7,37 +7,38 @@
 #include <cstdint>
 #include <limits>
 
+#include <endosdk/endosdk.h>
 #include "images/same_view.hpp"
 #include "maps/photometric_consistency.hpp"
 
 namespace endosdk {
 
-enum class Quality { ok = 0, degraded = 1, invalid = 2 };
-
 // Numbers are shared with C and Python and never change.
+enum class Quality : int { ok = ENDO_QUALITY_OK, degraded = ENDO_QUALITY_DEGRADED, invalid = ENDO_QUALITY_INVALID };
+
 enum class Cause : int {
-  covered = 0,
-  saturated = 1,
-  blurred = 2,
-  dim = 3,
-  frozen = 4,
-  not_simultaneous = 5,
-  same_view_twice = 6,
-  swapped = 7,
-  not_rectified = 8,
-  rig_moved = 9,
-  out_of_range = 10,
-  low_texture = 11,
-  late = 12,
-  views_differ = 13,
-  few_valid = 14,
-  stale = 15,
+  covered = ENDO_CAUSE_COVERED,
+  saturated = ENDO_CAUSE_SATURATED,
+  blurred = ENDO_CAUSE_BLURRED,
+  dim = ENDO_CAUSE_DIM,
+  frozen = ENDO_CAUSE_FROZEN,
+  not_simultaneous = ENDO_CAUSE_NOT_SIMULTANEOUS,
+  same_view_twice = ENDO_CAUSE_SAME_VIEW_TWICE,
+  swapped = ENDO_CAUSE_SWAPPED,
+  not_rectified = ENDO_CAUSE_NOT_RECTIFIED,
+  rig_moved = ENDO_CAUSE_RIG_MOVED,
+  out_of_range = ENDO_CAUSE_OUT_OF_RANGE,
+  low_texture = ENDO_CAUSE_LOW_TEXTURE,
+  late = ENDO_CAUSE_LATE,
+  views_differ = ENDO_CAUSE_VIEWS_DIFFER,
+  few_valid = ENDO_CAUSE_FEW_VALID,
+  stale = ENDO_CAUSE_STALE,
 };
 
 constexpr int cause_count = 16;
 
 // Room for measures in the C result, for causes of later releases.
-constexpr int most_causes = 32;
+constexpr int most_causes = ENDO_MOST_CAUSES;
 
 constexpr double never = std::numeric_limits<double>::quiet_NaN();
 

@@ -25,7 +25,7 @@ struct FramePair {
   ChannelOrder order = ChannelOrder::rgb;
   int64_t stamp_ns = 0;  // of `Clock`, when the pair was taken; 0: not known
 
-  Size size() const { return {left.width, left.height}; }
+  Size size() const { return left.size(); }
 };
 
 inline int64_t now_ns() {

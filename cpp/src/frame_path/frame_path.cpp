@@ -19,12 +19,8 @@ FramePathSettings checked(FramePathSettings settings) {
   return settings;
 }
 
-bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
-
-size_t bytes(Size size) { return size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
-
 void check_capacity(size_t capacity, Size size) {
-  require(capacity >= bytes(size), "capacity", Text("must be at least ", bytes(size), " bytes"), capacity);
+  require(capacity >= rgb_bytes(size), "capacity", Text("must be at least ", rgb_bytes(size), " bytes"), capacity);
 }
 
 }  // namespace
@@ -79,7 +75,7 @@ void FramePath::check_stamp(const FramePair& pair) const {
 Size FramePath::network_size(Size frame) const {
   const Size network = settings_.network.value_or(network_size_of(frame, model().inference_width));
   require(network.height <= longest_side, "size", Text("must be wider: at the network's width it is higher than ", longest_side, " px"),
-          Text(frame.width, "x", frame.height));
+          frame);
   return network;
 }
 
@@ -100,7 +96,7 @@ double FramePath::nearest_depth_mm() const {
 }
 
 const std::shared_ptr<Slot>& FramePath::prepared(Size frame, const Work& work) {
-  if (slot_ && same(slot_->stage().frame(), frame)) return slot_;
+  if (slot_ && slot_->stage().frame() == frame) return slot_;
   const std::shared_ptr<const Rig> rig = calibration();
   auto stage = std::make_shared<const RectifyStage>(frame, rig.get(), network_size(frame), [&] { work.check(); });
   const Size picture = stage->picture();
@@ -119,7 +115,7 @@ void FramePath::prepare(Size frame) {
   check_frame_size(frame, "size");
   network_size(frame);  // refuses one that is too narrow, before memory is taken for it
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
-  const std::vector<uint8_t> black(bytes(frame));
+  const std::vector<uint8_t> black(rgb_bytes(frame));
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
   compute({view, view, ChannelOrder::rgb}, {}, asked);
   watch_.make_room(*slot_);
@@ -138,7 +134,7 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
     FrameReport report = compute(pair, wanted, asked);
     watch_.add(report, *slot_);
     keep_latest(slot_);
-    count(report);
+    hand_out(report);
     return report;
   } catch (...) {
     counters_.add_failure();
@@ -169,7 +165,6 @@ void FramePath::finish(FrameReport& report, Clock::time_point asked) const {
   report.total_ms = milliseconds(asked, Clock::now());
   report.late = settings_.deadline_ms > 0.0 && report.total_ms > settings_.deadline_ms;
   if (settings_.deadline_ms > 0.0) report.causes.set(Cause::late, report.total_ms / settings_.deadline_ms);
-  report.quality = report.causes.status();
 }
 
 void FramePath::judge_age(FrameReport& report) const {
@@ -183,10 +178,14 @@ void FramePath::keep_latest(std::shared_ptr<Slot> slot) {
   latest_ = std::move(slot);
 }
 
-void FramePath::count(FrameReport& report) {
+void FramePath::hand_out(FrameReport& report) {
   judge_age(report);
   report.quality = report.causes.status();
   report.frame = counters_.add(report);
+  log_faults(report);
+}
+
+void FramePath::log_faults(const FrameReport& report) const {
   char line[160];
   const auto number = static_cast<unsigned long long>(report.frame);
   for (const CauseFact& fact : cause_facts) {
@@ -228,7 +227,7 @@ std::unique_ptr<Stream> FramePath::stream(Size frame) {
   const Work work(cancelling_);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const std::shared_ptr<const Rig> rig = calibration();
-  auto stage = slot_ && same(slot_->stage().frame(), frame)
+  auto stage = slot_ && slot_->stage().frame() == frame
                    ? slot_->shared_stage()
                    : std::make_shared<const RectifyStage>(frame, rig.get(), network_size(frame), [&] { work.check(); });
   {
@@ -247,17 +246,11 @@ void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, si
   const Size size = pair.size();
   check_capacity(capacity, size);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
-  if (!full_ || !same(full_->frame(), size)) {
+  if (!full_ || full_->frame() != size) {
     const Work work(cancelling_);
     full_ = std::make_shared<const RectifyStage>(size, calibration().get(), size, [&] { work.check(); });
   }
-  std::vector<uint8_t> planes(2 * bytes(size));
-  const PlanarView views[2] = {{planes.data(), size.width, size.height},
-                               {planes.data() + bytes(size), size.width, size.height}};
-  RectifyScratch scratch;
-  (*full_)(pair.left, pair.right, views[0], views[1], pair.order, scratch);
-  copy_interleaved(views[0], size, left);
-  copy_interleaved(views[1], size, right);
+  write_rectified(*full_, pair, left, right);
 }
 
 Size FramePath::rectified_size() {
@@ -273,7 +266,7 @@ void FramePath::rectified(uint8_t* left, uint8_t* right, size_t capacity) {
   check_capacity(capacity, size);
   const std::lock_guard lock(calls_);
   const std::lock_guard state(state_);
-  const bool still = latest_ != nullptr && same(latest_->stage().picture(), size);
+  const bool still = latest_ != nullptr && latest_->stage().picture() == size;
   require(still, "estimator", "must not be used by another call meanwhile", "another frame");
   latest_->copy_pictures(left, right);
 }
@@ -294,11 +287,12 @@ void FramePath::close() {
     const std::lock_guard state(state_);
     closed_ = true;
   }
+  // Waits for the call that is running, which may be one that opens a stream.
+  const std::lock_guard lock(calls_);
   {
     const std::lock_guard streams(streams_mutex_);
     for (Stream* const stream : streams_) stream->end();
   }
-  const std::lock_guard lock(calls_);
   slot_.reset();
   full_.reset();
   sessions_.drop();

@@ -87,7 +87,8 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   FrameReport compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked);
   void finish(FrameReport& report, Clock::time_point asked) const;
   void judge_age(FrameReport& report) const;
-  void count(FrameReport& report);
+  void hand_out(FrameReport& report);
+  void log_faults(const FrameReport& report) const;
   void keep_latest(std::shared_ptr<Slot> slot);
   void tell_correction(const PoseVector& corrected) const;
   void add_stream(Stream* stream);

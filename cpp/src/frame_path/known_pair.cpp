@@ -30,7 +30,7 @@ int blotch(int x, int y, int cell, int channel) {
 // A plane that faces the cameras, textured like tissue: blotches over fine grain. Its point x, y comes first.
 std::vector<uint8_t> picture_of_plane(Size size, int first_x, int first_y) {
   std::vector<uint8_t> pixels;
-  pixels.reserve(size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height));
+  pixels.reserve(rgb_bytes(size));
   for (int y = first_y; y < first_y + size.height; ++y) {
     for (int x = first_x; x < first_x + size.width; ++x) {
       for (int channel = 0; channel < 3; ++channel) {

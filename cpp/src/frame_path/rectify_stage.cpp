@@ -8,8 +8,6 @@
 namespace endosdk {
 namespace {
 
-bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
-
 // Principal points closer together than this, px, put the end of the range so far away that no endoscope sees it.
 constexpr double harmless_doffs = 0.5;
 
@@ -25,8 +23,6 @@ PoseVector negative(PoseVector value) {
   return value;
 }
 
-auto text(Size size) { return Text(size.width, "x", size.height); }
-
 }  // namespace
 
 double RectifyStage::right_shift_of(const Rig* rig) {
@@ -38,13 +34,13 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
                            const std::function<void()>& checkpoint, const PoseVector& corrected)
     : frame_(frame), picture_(network.value_or(frame)), corrected_(corrected), right_shift_(right_shift_of(rig)),
       moves_(rig != nullptr && (!rig->is_rectified() || right_shift_ > 0.0 || corrected != PoseVector{})) {
-  require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", text(frame));
-  require(rig == nullptr || same(rig->size(), frame), ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",
-          Text("must be for frames of ", text(frame)), text(rig != nullptr ? rig->size() : Size()));
+  require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", frame);
+  require(rig == nullptr || rig->size() == frame, ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",
+          Text("must be for frames of ", frame), rig != nullptr ? rig->size() : Size());
   if (rig != nullptr) {
     for (const bool right : {false, true}) place_field(*rig, right);
   }
-  const bool resized = !same(picture_, frame_);
+  const bool resized = picture_ != frame_;
   if (!moves_ && !resized) return;
   const Rig source = moves_ ? *rig : Rig::identity(frame);
   const RectifiedGeometry geometry = moved(source.geometry(), right_shift_, negative(corrected_));
@@ -64,7 +60,7 @@ void RectifyStage::place_field(const Rig& rig, bool right) {
   const Size cells = MatchedViews::cells_of(picture_);
   const double cell = 2.0 * MatchedViews::unit_of(picture_);
   std::vector<uint8_t> inside;
-  inside.reserve(static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height));
+  inside.reserve(count_of(cells));
   for (int y = 0; y < cells.height; ++y) {
     for (int x = 0; x < cells.width; ++x) {
       const Point raw = map.at((x + 0.5) * cell - 0.5, (y + 0.5) * cell - 0.5).pixel;
@@ -81,6 +77,17 @@ void RectifyStage::operator()(const ImageView& left, const ImageView& right, con
   } else {
     pack(left, right, out_left, out_right, order);
   }
+}
+
+void write_rectified(const RectifyStage& stage, const FramePair& pair, uint8_t* left, uint8_t* right) {
+  const Size size = stage.picture();
+  const size_t bytes = rgb_bytes(size);
+  std::vector<uint8_t> planes(2 * bytes);
+  const PlanarView views[2] = {{planes.data(), size.width, size.height}, {planes.data() + bytes, size.width, size.height}};
+  RectifyScratch scratch;
+  stage(pair.left, pair.right, views[0], views[1], pair.order, scratch);
+  copy_interleaved(views[0], size, left);
+  copy_interleaved(views[1], size, right);
 }
 
 }  // namespace endosdk

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 
+#include "frame_path/frame.hpp"
 #include "images/image.hpp"
 #include "images/rectify.hpp"
 #include "geometry/pose_error.hpp"
@@ -61,5 +62,8 @@ class RectifyStage {
   std::optional<Rectifier> full_;
   std::optional<FieldOfView> fields_[2];
 };
+
+// Writes a pair of frames as the stage gives it, in tight RGB rows.
+void write_rectified(const RectifyStage& stage, const FramePair& pair, uint8_t* left, uint8_t* right);
 
 }  // namespace endosdk

@@ -31,7 +31,7 @@ void require_share(double share, const char* what, const char* rule) {
 // The map of a rig that needs no rectification moves no pixel, so it must give the very bytes of repacking.
 void check_rectifier(const FramePair& pair) {
   const Size size = pair.size();
-  const size_t bytes = size_t{3} * static_cast<size_t>(size.width) * static_cast<size_t>(size.height);
+  const size_t bytes = rgb_bytes(size);
   std::vector<uint8_t> packed(2 * bytes);
   std::vector<uint8_t> rectified(2 * bytes);
   const auto view = [&](std::vector<uint8_t>& planes, size_t first) { return PlanarView{planes.data() + first, size.width, size.height}; };
@@ -62,7 +62,7 @@ struct Answer {
 };
 
 Answer ask(Slot& slot, const KnownPair& pair, Work& work) {
-  Answer answer(static_cast<size_t>(pair.size().width) * static_cast<size_t>(pair.size().height));
+  Answer answer(count_of(pair.size()));
   slot.rectify(pair.frames(), answer.report);
   slot.infer(work, answer.report);
   slot.answer(answer.maps(), every_answer, &pair.rig(), work, answer.report);

@@ -14,7 +14,6 @@ int padded(int length, int multiple) {
   return static_cast<int>(result);
 }
 
-size_t pixels(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 }  // namespace
 
@@ -26,9 +25,9 @@ SessionBuffers::SessionBuffers(Size picture, const ModelInfo& model)
     : input_(padded_size(picture, model)),
       grid_{input_.width / model.output_stride, input_.height / model.output_stride} {
   require(grid_.width > 0 && grid_.height > 0, "size", "must give the network at least one output pixel",
-          Text(input_.width, "x", input_.height));
-  pixels_.resize(2 * 3 * pixels(input_));
-  maps_.resize(2 * pixels(grid_));
+          input_);
+  pixels_.resize(2 * 3 * count_of(input_));
+  maps_.resize(2 * count_of(grid_));
 }
 
 }  // namespace endosdk

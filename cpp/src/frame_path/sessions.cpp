@@ -6,9 +6,7 @@ namespace endosdk {
 
 std::shared_ptr<Session> Sessions::of(Size picture) {
   const Size input = padded_size(picture, any_->model());
-  const auto found = std::find_if(sized_.begin(), sized_.end(), [&](const Sized& s) {
-    return s.input.width == input.width && s.input.height == input.height;
-  });
+  const auto found = std::find_if(sized_.begin(), sized_.end(), [&](const Sized& s) { return s.input == input; });
   if (found != sized_.end()) {
     std::rotate(sized_.begin(), found, found + 1);
     return sized_.front().session;

@@ -25,7 +25,6 @@ double certain_motion_px(const LagFit& fit, double lag) {
   return lag > certain * fit.lag_se() && lag > least_lag ? lag * fit.usual_motion_px() : 0.0;
 }
 
-bool same(Size a, Size b) { return a.width == b.width && a.height == b.height; }
 
 }  // namespace
 
@@ -65,7 +64,7 @@ void Simultaneity::make_room(const BrightnessPyramid& view) {
 
 std::optional<double> Simultaneity::motion_between(BrightnessPyramid& view, double row_px, const PoseError& pose) {
   const bool follows = has_former_ && view.levels() > finest && view.unit() == former_.unit() &&
-                       view.levels() == former_.levels() && same(view.level(0).size, former_.level(0).size);
+                       view.levels() == former_.levels() && view.level(0).size == former_.level(0).size;
   if (follows && (pose.measured || former_rows_px_)) {
     motion_.find(view, former_, finest);
     const double moved_px = view.unit() * (1 << finest) * row_px * static_cast<double>(motion_.middle().y);

@@ -9,7 +9,6 @@
 namespace endosdk {
 namespace {
 
-size_t pixels(Size size) { return static_cast<size_t>(size.width) * static_cast<size_t>(size.height); }
 
 FloatView read_only(const MutableFloatView& view) { return {view.data, view.width, view.height}; }
 
@@ -46,7 +45,7 @@ Slot::Slot(std::shared_ptr<const RectifyStage> stage, std::shared_ptr<Session> s
       model_(session_->model()),
       buffers_(stage_->picture(), model_),
       run_(session_->bind(buffers_)),
-      spare_(pixels(stage_->frame())) {}
+      spare_(count_of(stage_->frame())) {}
 
 void Slot::rectify(const FramePair& pair, FrameReport& report) {
   const std::lock_guard lock(pictures_);
@@ -78,16 +77,16 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
   const Clock::time_point started = Clock::now();
   const MapsOut maps = spare_.complete(wanted);
   const int valid = postprocess(maps, limits, rig);
-  report.valid_share = valid / static_cast<double>(pixels(stage_->frame()));
+  report.valid_share = valid / static_cast<double>(count_of(stage_->frame()));
   const Clock::time_point filled = Clock::now();
   judge(maps, report);
   brightness_.read(buffers_.left(), stage_->picture());
   report.trust_ms += scratch_.trust_ms + milliseconds(filled, Clock::now());
   if (report.causes.status() == Quality::invalid) {
-    withdraw_answer(maps, pixels(stage_->frame()));
+    withdraw_answer(maps, count_of(stage_->frame()));
     report.valid_share = 0.0;
   }
-  write_u16(maps, pixels(stage_->frame()), limits.depth_unit_mm);
+  write_u16(maps, count_of(stage_->frame()), limits.depth_unit_mm);
   work.check();
   report.postprocess_ms += milliseconds(started, Clock::now());
 }
@@ -95,7 +94,7 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
 void Slot::judge(const MapsOut& maps, FrameReport& report) {
   const double seen = scratch_.views.size().width > 0 ? scratch_.views.field(0).share() : 1.0;
   report.causes.set(Cause::few_valid, report.valid_share / seen);
-  report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, pixels(stage_->frame())) / seen);
+  report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, count_of(stage_->frame())) / seen);
   if (scratch_.views.size().width == 0) return;  // too small a picture to be judged
   report.causes.set(Cause::views_differ, scratch_.views.most_correlation());
   report.causes.set(Cause::low_texture, scratch_.views.textured_share());

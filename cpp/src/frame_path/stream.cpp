@@ -59,9 +59,7 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag, Clock
   check_pair(pair);
   path_->check_stamp(pair);
   const Size size = size_;
-  require(pair.left.width == size.width && pair.left.height == size.height, "left",
-          Text("must have the size of the stream's first frame, ", size.width, "x", size.height),
-          Text(pair.left.width, "x", pair.left.height));
+  require(pair.size() == size, "left", Text("must have the size of the stream's first frame, ", size), pair.size());
   check_maps(maps, size, rig_ != nullptr);
   const bool room = wait_for_room();
   require(room, "stream", "must not have ended", "an ended one");
@@ -102,7 +100,7 @@ std::optional<Stream::Answer> Stream::receive() {
     path_->counters_.add_failure();
   } else {
     watch_rig(answer.report, *frame.slot);
-    path_->count(answer.report);
+    path_->hand_out(answer.report);
   }
   return answer;
 }

@@ -11,56 +11,76 @@ constexpr int side = 2;  // of the grid of the answer, in cells
 constexpr int per_cell = side * side;
 constexpr int block = 8;  // rows of cells at a time
 
+// Inputs and outputs of one call, and where each row of them begins.
+class Surfaces {
+ public:
+  explicit Surfaces(FunctionCall& call) : call_(call) {
+    const Shape shape = call.shape(2);
+    check_shape("disparity", shape, {-1, 1, -1, -1});
+    count_ = shape[0];
+    height_ = shape[2];
+    width_ = shape[3];
+    check_shape("correction", call.shape(0), {count_, per_cell, height_, width_});
+    check_shape("others", call.shape(1), {count_, 3 * per_cell, height_, width_});
+    check_shape("steps", call.shape(3), {count_, per_cell + 2, height_, width_});
+    for (int i = 0; i < 3; ++i) out_[i] = call.float_output(i, {count_, 1, side * height_, side * width_});
+  }
+
+  int64_t count() const { return count_; }
+  int64_t height() const { return height_; }
+  int64_t width() const { return width_; }
+
+  // One of the rows of the answer that belong to row y of the cells.
+  ChooseRow row(int64_t pair, int64_t y, int down, float* mixed) const {
+    const int64_t plane = height_ * width_;
+    const auto plane_row = [&](int input, int planes, int which) {
+      return call_.floats(input) + (pair * planes + which) * plane + y * width_;
+    };
+    const float* disparity = call_.floats(2) + pair * plane;
+    ChooseRow row;
+    row.disparity = disparity + y * width_;
+    row.beside = disparity + std::clamp<int64_t>(y + 2 * down - 1, 0, height_ - 1) * width_;
+    for (int along = 0; along < side; ++along) {
+      const int part = side * down + along;
+      row.correction[along] = plane_row(0, per_cell, part);
+      row.belief[along] = plane_row(1, 3 * per_cell, part);
+      row.to_near[along] = plane_row(1, 3 * per_cell, per_cell + part);
+      row.to_far[along] = plane_row(1, 3 * per_cell, 2 * per_cell + part);
+      row.step[along] = plane_row(3, per_cell + 2, part);
+    }
+    row.near = plane_row(3, per_cell + 2, per_cell);
+    row.far = plane_row(3, per_cell + 2, per_cell + 1);
+    row.cells = static_cast<int>(width_);
+    row.mixed = mixed;
+    const int64_t first = (side * (pair * height_ + y) + down) * side * width_;
+    row.answer = out_[0] + first;
+    row.change = out_[1] + first;
+    row.rough = out_[2] + first;
+    return row;
+  }
+
+ private:
+  FunctionCall& call_;
+  int64_t count_ = 0;
+  int64_t height_ = 0;
+  int64_t width_ = 0;
+  float* out_[3];
+};
+
 class ChooseSurface : public Function {
  public:
   void compute(FunctionCall& call) override {
-    const Shape shape = call.shape(2);
-    check_shape("disparity", shape, {-1, 1, -1, -1});
-    const int64_t count = shape[0];
-    const int64_t height = shape[2];
-    const int64_t width = shape[3];
-    check_shape("correction", call.shape(0), {count, per_cell, height, width});
-    check_shape("others", call.shape(1), {count, 3 * per_cell, height, width});
-    check_shape("steps", call.shape(3), {count, per_cell + 2, height, width});
-    const Shape fine = {count, 1, side * height, side * width};
-    float* out[3];
-    for (int i = 0; i < 3; ++i) out[i] = call.float_output(i, fine);
-    if (width == 0) return;
-    const int64_t plane = height * width;
-    const int blocks = static_cast<int>((height + block - 1) / block);
-    const size_t mixed_values = static_cast<size_t>(width) + 2;
+    const Surfaces surfaces(call);
+    if (surfaces.width() == 0) return;
+    const auto blocks = static_cast<int>((surfaces.height() + block - 1) / block);
+    const size_t mixed_values = static_cast<size_t>(surfaces.width()) + 2;
     Scratch::Lent memory(scratch_, mixed_values * static_cast<size_t>(blocks));
-    const Kernels& kernel = kernels();
-    for (int64_t pair = 0; pair < count; ++pair) {
+    for (int64_t pair = 0; pair < surfaces.count(); ++pair) {
       call.parallel(blocks, [&](int index) {
-        for (int64_t y = index * block; y < std::min<int64_t>((index + 1) * block, height); ++y) {
-          for (int down = 0; down < side; ++down) {
-            const float* disparity = call.floats(2) + pair * plane;
-            const int64_t beside = std::clamp<int64_t>(y + 2 * down - 1, 0, height - 1);
-            const auto row_of = [&](int input, int planes, int which) {
-              return call.floats(input) + (pair * planes + which) * plane + y * width;
-            };
-            ChooseRow row;
-            row.disparity = disparity + y * width;
-            row.beside = disparity + beside * width;
-            for (int along = 0; along < side; ++along) {
-              const int part = side * down + along;
-              row.correction[along] = row_of(0, per_cell, part);
-              row.belief[along] = row_of(1, 3 * per_cell, part);
-              row.to_near[along] = row_of(1, 3 * per_cell, per_cell + part);
-              row.to_far[along] = row_of(1, 3 * per_cell, 2 * per_cell + part);
-              row.step[along] = row_of(3, per_cell + 2, part);
-            }
-            row.near = row_of(3, per_cell + 2, per_cell);
-            row.far = row_of(3, per_cell + 2, per_cell + 1);
-            row.cells = static_cast<int>(width);
-            row.mixed = memory.data() + static_cast<size_t>(index) * mixed_values + 1;
-            const int64_t first = (pair * height + y) * side * side * width + down * side * width;
-            row.answer = out[0] + first;
-            row.change = out[1] + first;
-            row.rough = out[2] + first;
-            kernel.choose_row(row);
-          }
+        float* const mixed = memory.data() + static_cast<size_t>(index) * mixed_values + 1;
+        const int64_t first = int64_t{index} * block;
+        for (int64_t y = first; y < std::min(first + block, surfaces.height()); ++y) {
+          for (int down = 0; down < side; ++down) kernels().choose_row(surfaces.row(pair, y, down, mixed));
         }
       });
     }

@@ -3,6 +3,7 @@
 #include <iterator>
 
 #include "platform/errors.hpp"
+#include "platform/lists.hpp"
 
 namespace endosdk {
 namespace {
@@ -24,9 +25,9 @@ constexpr FunctionKind kinds[] = {
 };
 
 std::string text_of(const Shape& shape) {
-  std::string text = "[";
-  for (const int64_t side : shape) text += (text.size() > 1 ? ", " : "") + (side < 0 ? "any" : std::to_string(side));
-  return text + "]";
+  std::string sides;
+  for (const int64_t side : shape) append_item(sides, side < 0 ? "any" : std::to_string(side));
+  return "[" + sides + "]";
 }
 
 }  // namespace

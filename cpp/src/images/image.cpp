@@ -14,8 +14,6 @@ namespace {
 
 constexpr int rows_per_block = 16;
 
-auto size_text(int width, int height) { return Text(width, "x", height); }
-
 void pack_row(const ImageView& image, const PlanarView& out, ChannelOrder order, int y) {
   const PlaneRows rows(out, order, y);
   if (order == ChannelOrder::gray) {
@@ -49,7 +47,7 @@ void check_source(const ImageView& image, ChannelOrder order, const char* name) 
   const int channels = order == ChannelOrder::gray ? 1 : 3;
   require(image.channels == channels, name, Text("must have ", channels, " channels for this order"),
           image.channels);
-  require(image.width >= 1 && image.height >= 1, name, "must not be empty", size_text(image.width, image.height));
+  require(image.width >= 1 && image.height >= 1, name, "must not be empty", image.size());
   const int64_t pitch = std::llabs(static_cast<long long>(image.stride));
   require(pitch >= static_cast<int64_t>(image.width) * channels || image.height == 1, name, "rows must not overlap",
           image.stride);
@@ -60,7 +58,7 @@ void check_source(const ImageView& image, ChannelOrder order, const char* name) 
 
 void check_planar(const PlanarView& out, int min_width, int min_height, const char* name) {
   require(out.width >= min_width && out.height >= min_height, name,
-          Text("must be at least ", min_width, "x", min_height), size_text(out.width, out.height));
+          Text("must be at least ", Size{min_width, min_height}), out.size());
 }
 
 void pad_right(const PlanarView& out, int width, int y) {
@@ -82,8 +80,7 @@ void pack(const ImageView& left, const ImageView& right, const PlanarView& out_l
           ChannelOrder order) {
   check_source(left, order, "left");
   check_source(right, order, "right");
-  require(left.width == right.width && left.height == right.height, "right", "must have the size of left",
-          size_text(right.width, right.height));
+  require(left.size() == right.size(), "right", "must have the size of left", right.size());
   check_planar(out_left, left.width, left.height, "out_left");
   check_planar(out_right, left.width, left.height, "out_right");
   parallel_for(2 * left.height, rows_per_block, [&](int begin, int end, int) {

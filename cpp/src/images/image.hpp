@@ -18,6 +18,7 @@ struct ImageView {
   int channels = 0;
   ptrdiff_t stride = 0;
 
+  Size size() const { return {width, height}; }
   const uint8_t* row(int y) const { return data + y * stride; }
 };
 
@@ -27,6 +28,7 @@ struct PlanarView {
   int width = 0;
   int height = 0;
 
+  Size size() const { return {width, height}; }
   uint8_t* row(int plane, int y) const {
     return data + (static_cast<ptrdiff_t>(plane) * height + y) * width;
   }

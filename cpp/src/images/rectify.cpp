@@ -15,11 +15,9 @@ namespace {
 constexpr int rows_per_block = 16;
 constexpr int steps_per_pixel = 128;  // of a stored position
 
-auto size_text(Size size) { return Text(size.width, "x", size.height); }
-
 void check_size(Size size, const char* name) {
   require(size.width >= 1 && size.height >= 1 && size.width <= longest_side && size.height <= longest_side, name,
-          Text("must be 1x1 to ", longest_side, "x", longest_side), size_text(size));
+          Text("must be 1x1 to ", Size{longest_side, longest_side}), size);
 }
 
 int checked_reduction(Size raw, Size rectified) {
@@ -159,8 +157,7 @@ void Rectifier::rectify(const ImageView& left, const ImageView& right, const Pla
                         const PlanarView& out_right, ChannelOrder order, RectifyScratch& scratch) const {
   const auto check = [&](const ImageView& image, const char* name) {
     check_source(image, order, name);
-    require(image.width == raw_.width && image.height == raw_.height, name, Text("must be ", size_text(raw_)),
-            size_text({image.width, image.height}));
+    require(image.size() == raw_, name, Text("must be ", raw_), image.size());
   };
   check(left, "left");
   check(right, "right");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "images/size.hpp"
 #include "platform/errors.hpp"
 #include "kernels/kernels.hpp"
 #include "platform/threads.hpp"
@@ -29,8 +30,7 @@ Position position(int out, float scale, int size) {
 }  // namespace
 
 void check_grid(const FloatView& source, const char* name) {
-  require(source.width >= 1 && source.height >= 1, name, "must not be empty",
-          Text(source.width, "x", source.height));
+  require(source.width >= 1 && source.height >= 1, name, "must not be empty", Size{source.width, source.height});
 }
 
 void check_scale(Scale scale, float gain) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "platform/errors.hpp"
+#include "platform/lists.hpp"
 #include "platform/system.hpp"
 #include "kernels/sets.hpp"
 #ifdef ENDOSDK_X86_KERNELS
@@ -83,7 +84,7 @@ void choose_kernels(const char* name) {
       chosen().store(&choice.kernels, std::memory_order_relaxed);
       return;
     }
-    available += (available.empty() ? "" : ", ") + std::string(choice.kernels.name);
+    append_item(available, choice.kernels.name);
   }
   reject("isa", "must be one that this processor runs (" + available + ")", name);
 }

@@ -24,21 +24,6 @@ constexpr size_t first_result = 120;
 static_assert(sizeof(endo_calibration) >= first_calibration && sizeof(endo_geometry) == first_geometry &&
               sizeof(endo_image) == first_image && sizeof(endo_result) >= first_result);
 
-// What the header shows and the core means are the same numbers.
-static_assert(ENDO_QUALITY_OK == static_cast<int>(Quality::ok) && ENDO_QUALITY_DEGRADED == static_cast<int>(Quality::degraded) &&
-              ENDO_QUALITY_INVALID == static_cast<int>(Quality::invalid));
-
-constexpr bool same(endo_cause shown, Cause meant) { return static_cast<int>(shown) == static_cast<int>(meant); }
-static_assert(same(ENDO_CAUSE_COVERED, Cause::covered) && same(ENDO_CAUSE_SATURATED, Cause::saturated) &&
-              same(ENDO_CAUSE_BLURRED, Cause::blurred) && same(ENDO_CAUSE_DIM, Cause::dim) &&
-              same(ENDO_CAUSE_FROZEN, Cause::frozen) && same(ENDO_CAUSE_NOT_SIMULTANEOUS, Cause::not_simultaneous) &&
-              same(ENDO_CAUSE_SAME_VIEW_TWICE, Cause::same_view_twice) && same(ENDO_CAUSE_SWAPPED, Cause::swapped) &&
-              same(ENDO_CAUSE_NOT_RECTIFIED, Cause::not_rectified) && same(ENDO_CAUSE_RIG_MOVED, Cause::rig_moved) &&
-              same(ENDO_CAUSE_OUT_OF_RANGE, Cause::out_of_range) && same(ENDO_CAUSE_LOW_TEXTURE, Cause::low_texture) &&
-              same(ENDO_CAUSE_LATE, Cause::late) && same(ENDO_CAUSE_VIEWS_DIFFER, Cause::views_differ) &&
-              same(ENDO_CAUSE_FEW_VALID, Cause::few_valid) && same(ENDO_CAUSE_STALE, Cause::stale) &&
-              ENDO_MOST_CAUSES == most_causes);
-
 ImageView view_of(const endo_image& image, const char* argument) {
   const bool known = image.format == ENDO_RGB8 || image.format == ENDO_BGR8 || image.format == ENDO_GRAY8;
   require_argument(known, argument, "must have an endo_pixel_format", image.format);

@@ -4,15 +4,10 @@
 #include <array>
 
 #include "functions/custom_ops.hpp"
+#include "platform/lists.hpp"
 
 namespace endosdk {
 namespace {
-
-std::string join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
 
 std::vector<std::string> available_providers(const Runtime& runtime) {
   char** names = nullptr;
@@ -26,10 +21,12 @@ std::vector<std::string> available_providers(const Runtime& runtime) {
 std::string installed_provider(const Runtime& runtime, const std::string& wanted) {
   const std::string name = full_provider_name(wanted);
   const std::vector<std::string> available = available_providers(runtime);
+  std::string installed;
+  for (const std::string& here : available) append_item(installed, here);
   std::string short_names;
-  for (const Provider& p : providers) short_names.append(short_names.empty() ? "" : ", ").append(p.name);
+  for (const Provider& p : providers) append_item(short_names, p.name);
   require(std::find(available.begin(), available.end(), name) != available.end(), ENDO_PROVIDER_UNAVAILABLE, "provider",
-          Text("must be a part of the onnxruntime that is here (installed: ", join(available), "; short names: ",
+          Text("must be a part of the onnxruntime that is here (installed: ", installed, "; short names: ",
                short_names, ")"),
           name);
   return name;

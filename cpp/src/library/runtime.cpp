@@ -9,6 +9,7 @@
 #include <new>
 #include <vector>
 
+#include "platform/lists.hpp"
 #include "platform/sha256.hpp"
 #include "platform/system.hpp"
 
@@ -69,7 +70,7 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const std:
   // The library reads this while it is being opened; later is too late. It is not touched when it is set already.
   if (!was_off && !system::set_environment(telemetry_switch, "1")) throw std::bad_alloc();
   std::string tried;
-  const auto pass_on = [&](const std::string& reason) { tried += (tried.empty() ? "" : "; ") + reason; };
+  const auto pass_on = [&](const std::string& reason) { append_item(tried, reason, "; "); };
   for (const std::string& place : places(path)) {
     const bool was_loaded = system::is_loaded(place);
     if (!was_loaded) require_memory_for_runtime();

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "platform/lists.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -74,7 +76,7 @@ class Reader {
 
 void check_names(const std::vector<Node>& nodes, const char* argument, const char* first, const char* second) {
   std::string names;
-  for (const Node& node : nodes) names += (names.empty() ? "" : ", ") + node.name;
+  for (const Node& node : nodes) append_item(names, node.name);
   const auto has = [&](const char* name) {
     return std::any_of(nodes.begin(), nodes.end(), [&](const Node& node) { return node.name == name; });
   };
@@ -83,9 +85,9 @@ void check_names(const std::vector<Node>& nodes, const char* argument, const cha
 }
 
 std::string describe(const Node& node) {
-  std::string text = "element type " + std::to_string(node.type) + ", shape [";
-  for (size_t i = 0; i < node.shape.size(); ++i) text += (i ? ", " : "") + std::to_string(node.shape[i]);
-  return text + "]";
+  std::string shape;
+  for (const int64_t side : node.shape) append_item(shape, std::to_string(side));
+  return "element type " + std::to_string(node.type) + ", shape [" + shape + "]";
 }
 
 }  // namespace

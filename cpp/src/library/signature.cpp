@@ -4,6 +4,7 @@
 #include <new>
 
 #include "platform/errors.hpp"
+#include "platform/lists.hpp"
 #include "platform/system.hpp"
 
 namespace endosdk {
@@ -46,7 +47,7 @@ struct Crypto {
 // One that is used is never closed: it keeps state of its own for the whole process.
 Crypto open_crypto(const std::string& path) {
   std::string tried;
-  const auto pass_on = [&](const std::string& reason) { tried += (tried.empty() ? "" : "; ") + reason; };
+  const auto pass_on = [&](const std::string& reason) { append_item(tried, reason, "; "); };
   for (const std::string& place : path.empty() ? system::crypto_places() : std::vector{path}) {
     std::string why;
     void* library = system::open_library(place, why);

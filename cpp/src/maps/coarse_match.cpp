@@ -97,7 +97,7 @@ void CoarseMatch::measure(const MatchedViews& views) {
   exchanged_gain_ = rows_off_ = nothing;
   const Size cells = views.size();
   // All memory before any way out, so that the first frame takes what later ones need.
-  spread_.resize(static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height));
+  spread_.resize(count_of(cells));
   columns_.resize(static_cast<size_t>(4 * cells.width));
   found_.resize(static_cast<size_t>(cells.width));
   likeness_.resize(most_patches);

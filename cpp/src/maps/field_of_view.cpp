@@ -68,7 +68,7 @@ void FieldOfView::make_room(Size cells) {
   size_ = cells;
   is_part_ = false;
   share_ = 1.0;
-  const size_t count = static_cast<size_t>(cells.width) * static_cast<size_t>(cells.height);
+  const size_t count = count_of(cells);
   mark_.resize(count);
   inside_.resize(count);
   runs_.reserve(count / 2 + static_cast<size_t>(cells.height));

@@ -10,7 +10,6 @@ namespace {
 
 static_assert(joint_bilateral_taps == 2 * upsampling_reach);
 
-constexpr int rows_per_block = 8;
 constexpr int most_pixels_per_cell = 16;
 constexpr int channels = 3;
 
@@ -67,9 +66,9 @@ float* JointBilateralUpsampling::plane(int index, int y) {
   return planes_.data() + (static_cast<ptrdiff_t>(index) * height_ + y) * stride_;
 }
 
-void JointBilateralUpsampling::read_cells(const FloatView& disparity, const FloatView& confidence, const PlanarView& view, int y) {
+void JointBilateralUpsampling::read_cells(const FloatView& disparity, const FloatView& confidence, int y) {
   for (int c = 0; c < channels; ++c) {
-    kernels().mean_cells(view.row(c, y * factor_), view.width, factor_, width_, plane(c, y) + reach);
+    kernels().mean_cells(view_.row(c, y * factor_), view_.width, factor_, width_, plane(c, y) + reach);
   }
   const ptrdiff_t first = static_cast<ptrdiff_t>(y) * width_;
   kernels().trust_cells(disparity.data + first, confidence.data + first, width_, plane(channels, y) + reach,
@@ -81,10 +80,10 @@ void JointBilateralUpsampling::read_cells(const FloatView& disparity, const Floa
   }
 }
 
-void JointBilateralUpsampling::write_row(const PlanarView& view, int y, const Upsampling& upsampling, float* out) {
+void JointBilateralUpsampling::write_row(int y) {
   const int phase = y % factor_;
   JointBilateralRow row{};
-  for (int c = 0; c < channels; ++c) row.view[c] = view.row(c, y);
+  for (int c = 0; c < channels; ++c) row.view[c] = view_.row(c, y);
   for (int tap = 0; tap < joint_bilateral_taps; ++tap) {
     const int cell = std::clamp(y / factor_ + first_cell(phase, factor_) + tap, 0, height_ - 1);
     for (int index = 0; index < joint_bilateral_planes; ++index) row.cells[tap][index] = plane(index, cell);
@@ -93,24 +92,21 @@ void JointBilateralUpsampling::write_row(const PlanarView& view, int y, const Up
   row.share = share_.data() + static_cast<ptrdiff_t>(phase) * factor_ * joint_bilateral_taps * joint_bilateral_taps;
   row.factor = factor_;
   row.count = width_;
-  row.likeness_per_difference = 1.0f / upsampling.unlike;
-  row.least_likeness = upsampling.least_likeness;
-  row.out = out;
+  row.likeness_per_difference = 1.0f / upsampling_.unlike;
+  row.least_likeness = upsampling_.least_likeness;
+  row.out = out_.data() + static_cast<ptrdiff_t>(y) * view_.width;
   kernels().joint_bilateral_row(row);
 }
 
-FloatView JointBilateralUpsampling::upsampled(const FloatView& disparity, const FloatView& confidence,
-                                              const PlanarView& view, const Upsampling& upsampling) {
+void JointBilateralUpsampling::read(const FloatView& disparity, const FloatView& confidence, const PlanarView& view,
+                                    const Upsampling& upsampling) {
+  view_ = view;
+  upsampling_ = upsampling;
   prepare(disparity, factor(disparity, view));
   const auto read_rows = [&](int begin, int end, int) {
-    for (int y = begin; y < end; ++y) read_cells(disparity, confidence, view, y);
+    for (int y = begin; y < end; ++y) read_cells(disparity, confidence, y);
   };
   parallel_for(height_, rows_per_block, read_rows);
-  const auto write_rows = [&](int begin, int end, int) {
-    for (int y = begin; y < end; ++y) write_row(view, y, upsampling, out_.data() + static_cast<ptrdiff_t>(y) * view.width);
-  };
-  parallel_for(view.height, rows_per_block, write_rows);
-  return {out_.data(), view.width, view.height};
 }
 
 }  // namespace endosdk

@@ -24,16 +24,23 @@ class JointBilateralUpsampling {
   // cannot guide.
   static int factor(const FloatView& cells, const PlanarView& view);
 
-  // Disparity, in the units it came in, of every pixel of the view. What is returned is good until the next call.
-  FloatView upsampled(const FloatView& disparity, const FloatView& confidence, const PlanarView& view,
-                      const Upsampling& upsampling);
+  // Rows that a thread writes at a time.
+  static constexpr int rows_per_block = 8;
+
+  // Begins with a picture: `write_row` may then be called for every row of the view, in any order and on any thread.
+  void read(const FloatView& disparity, const FloatView& confidence, const PlanarView& view, const Upsampling& upsampling);
+  void write_row(int y);
+
+  // Disparity, in the units it came in, of every pixel of the view, once its rows are written.
+  FloatView map() const { return {out_.data(), view_.width, view_.height}; }
 
  private:
   void prepare(const FloatView& cells, int factor);
   float* plane(int index, int y);
-  void read_cells(const FloatView& disparity, const FloatView& confidence, const PlanarView& view, int y);
-  void write_row(const PlanarView& view, int y, const Upsampling& upsampling, float* out);
+  void read_cells(const FloatView& disparity, const FloatView& confidence, int y);
 
+  PlanarView view_;
+  Upsampling upsampling_;
   int factor_ = 0;
   int width_ = 0;   // of the grid of cells
   int height_ = 0;

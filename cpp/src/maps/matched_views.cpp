@@ -66,9 +66,24 @@ Size MatchedViews::cells_of(Size picture) {
 
 void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture,
                            Scale grid, const Fields& known) {
+  make_room(picture);
+  known_ = known;
+  if (count_of(cells_) == 0) {
+    left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
+    return;
+  }
+  const PlanarView* const views[] = {&left, &right};
+  read_brightness(views);
+  find_fields_and_noise(views);
+  place(disparity, grid);
+  match();
+  correlate();
+  sum_up();
+}
+
+void MatchedViews::make_room(Size picture) {
   unit_ = unit_of(picture);
   cells_ = cells_of(picture);
-  known_ = known;
   const size_t cells = count_of(cells_);
   for (auto& plane : brightness_) plane.resize(2 * cells);
   for (auto& plane : levels_) plane.resize(cells);
@@ -76,16 +91,14 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   support_.resize(cells);
   odds_.resize(cells);
   sums_.resize(correlation_sums * (cells + static_cast<size_t>(cells_.width)));
-  if (cells == 0) {
-    left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
-    return;
-  }
-  const int workers = thread_count();
-  const int needed = std::max(2 * cells_.width, correlation_sums * (cells_.width + 2 * correlation_reach));
-  scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(needed));
-  const auto scratch_of = [&](int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * needed; };
+  scratch_size_ = std::max(2 * cells_.width, correlation_sums * (cells_.width + 2 * correlation_reach));
+  workers_ = thread_count();
+  scratch_.resize(static_cast<size_t>(workers_) * static_cast<size_t>(scratch_size_));
+}
 
-  const PlanarView* const views[] = {&left, &right};
+float* MatchedViews::sums_of(int y) { return sums_.data() + static_cast<ptrdiff_t>(y) * correlation_sums * cells_.width; }
+
+void MatchedViews::read_brightness(const PlanarView* const (&views)[2]) {
   const auto read_rows = [&](int begin, int end, int worker) {
     for (int i = begin; i < end; ++i) {
       const int view = i % 2;
@@ -100,7 +113,10 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
       kernels().brightness_row(row);
     }
   };
-  parallel_for(2 * cells_.height, 2 * rows_per_block, read_rows, workers);
+  parallel_for(2 * cells_.height, 2 * rows_per_block, read_rows, workers_);
+}
+
+void MatchedViews::find_fields_and_noise(const PlanarView* const (&views)[2]) {
   double* const noise[] = {&left_noise_, &right_noise_};
   parallel_for(2, 1, [&](int begin, int end, int) {
     for (int i = begin; i < end; ++i) {
@@ -108,27 +124,31 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
       *noise[i] = noise_of(*views[i], cells_, unit_, field(i), differences_[i]);
     }
   });
-  place(disparity, grid);
-  const ptrdiff_t row_of_sums = static_cast<ptrdiff_t>(correlation_sums) * cells_.width;
-  const auto sums_of = [&](int y) { return sums_.data() + y * row_of_sums; };
-  std::fill_n(sums_of(cells_.height), row_of_sums, 0.0f);  // of what lies beyond the picture
+}
+
+// Sums along the rows, of both views where they were matched.
+void MatchedViews::match() {
+  std::fill_n(sums_of(cells_.height), correlation_sums * cells_.width, 0.0f);
   const auto match_rows = [&](int begin, int end, int worker) {
     for (int y = begin; y < end; ++y) {
-      kernels().match_row({this->left(y), this->right(y), 2 * cells_.width, this->disparity(y), cells_.width, scratch_of(worker), sums_of(y)});
+      kernels().match_row({left(y), right(y), 2 * cells_.width, disparity(y), cells_.width, scratch_of(worker), sums_of(y)});
     }
   };
-  parallel_for(cells_.height, rows_per_block, match_rows, workers);
+  parallel_for(cells_.height, rows_per_block, match_rows, workers_);
+}
+
+void MatchedViews::correlate() {
   constexpr double smoothed = (1.0 + 4.0 + 1.0) / 16.0;
   const auto left_variance = static_cast<float>(smoothed * noise_of_column(0));
   const auto right_variance = static_cast<float>(smoothed * noise_of_column(1));
-  const auto judge_rows = [&](int begin, int end, int) {
+  const auto correlate_rows = [&](int begin, int end, int) {
     for (int y = begin; y < end; ++y) {
       CorrelationRow row{};
       for (int w = 0; w < correlation_window; ++w) {
         const int from = y + w - correlation_reach;
         row.sums[w] = sums_of(from >= 0 && from < cells_.height ? from : cells_.height);
       }
-      for (int i = 0; i < 3; ++i) row.disparity[i] = this->disparity(y + i - 1) - 1;
+      for (int i = 0; i < 3; ++i) row.disparity[i] = disparity(y + i - 1) - 1;
       row.cells = cells_.width;
       row.left_noise = left_variance;
       row.right_noise = right_variance;
@@ -138,8 +158,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
       kernels().correlation_row(row);
     }
   };
-  parallel_for(cells_.height, rows_per_block, judge_rows);
-  sum_up();
+  parallel_for(cells_.height, rows_per_block, correlate_rows);
 }
 
 // The disparity of each cell, that of the grid's cell at its middle; the outermost cells are repeated once.

@@ -74,9 +74,17 @@ class MatchedViews {
   double textured_share() const { return textured_share_; }
 
  private:
+  void make_room(Size picture);
+  void read_brightness(const PlanarView* const (&views)[2]);
+  void find_fields_and_noise(const PlanarView* const (&views)[2]);
   void find_field(int view);
+  void match();
+  void correlate();
   void place(const FloatView& disparity, Scale grid);
   void sum_up();
+
+  float* scratch_of(int worker) { return scratch_.data() + static_cast<ptrdiff_t>(worker) * scratch_size_; }
+  float* sums_of(int y);
 
   Size cells_;
   int unit_ = 0;
@@ -91,12 +99,14 @@ class MatchedViews {
   std::vector<float> brightness_[2];
   std::vector<uint16_t> differences_[2];  // of one row of pixels
   std::vector<float> disparity_;  // with a cell more on every side
-  std::vector<float> sums_;
+  std::vector<float> sums_;  // per row of cells, and one more row of zeros
   std::vector<float> correlation_;
   std::vector<float> support_;
   std::vector<float> odds_;
   std::vector<int32_t> columns_of_grid_;  // of the disparity, for each cell
-  std::vector<float> scratch_;  // per worker
+  int workers_ = 1;
+  int scratch_size_ = 0;  // values, of each worker
+  std::vector<float> scratch_;
 };
 
 }  // namespace endosdk

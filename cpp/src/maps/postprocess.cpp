@@ -44,7 +44,7 @@ void check(const PostprocessInput& in, const MapsOut& out) {
   check_grid(in.confidence, "confidence");
   require(in.disparity.width == in.confidence.width && in.disparity.height == in.confidence.height, "confidence",
           "must have the size of disparity",
-          Text(in.confidence.width, "x", in.confidence.height));
+          Size{in.confidence.width, in.confidence.height});
   check_scale(in.scale, in.gain);
   check_grid({out.disparity, in.size.width, in.size.height}, "out_disparity");
   require(std::isfinite(in.min_confidence), "min_confidence", "must be finite", in.min_confidence);
@@ -56,8 +56,8 @@ void check(const PostprocessInput& in, const MapsOut& out) {
   const Size picture = picture_of(in);
   if (in.left.data != nullptr) check_planar(in.left, picture.width, picture.height, "image");
   if (in.right.data != nullptr) {
-    const bool alike = in.left.data != nullptr && in.right.width == in.left.width && in.right.height == in.left.height;
-    require(alike, "right_image", "must have the shape of image", Text(in.right.width, "x", in.right.height));
+    const bool alike = in.left.data != nullptr && in.right.size() == in.left.size();
+    require(alike, "right_image", "must have the shape of image", in.right.size());
   }
   check_geometry(in.geometry, out.depth != nullptr || out.sigma != nullptr);
   require(out.sigma == nullptr || out.depth != nullptr, "depth", "must be there where sigma is wanted", "none");
@@ -86,92 +86,137 @@ DepthLimits limits_of(const PostprocessInput& in) {
   return limits;
 }
 
-DepthRow row_of(const PostprocessInput& in, const MapsOut& out, int y) {
-  const int64_t offset = static_cast<int64_t>(y) * in.size.width;
-  DepthRow row{};
-  row.disparity = out.disparity + offset;
-  row.confidence = out.confidence + offset;
-  row.reasons = out.reasons + offset;
-  row.width = in.size.width;
-  if (in.valid_left != nullptr) row.valid_left = in.valid_left + offset;
-  if (in.valid_right != nullptr) row.valid_right = in.valid_right + offset;
-  if (out.depth != nullptr) row.depth = out.depth + offset;
-  if (out.sigma != nullptr) row.sigma = out.sigma + offset;
-  return row;
+bool has_left(const PostprocessInput& in) { return in.left.data != nullptr; }
+bool has_right(const PostprocessInput& in) { return in.right.data != nullptr; }
+
+// Cells of the disparity per pixel of the views.
+Scale cells_of(const PostprocessInput& in) { return {in.scale.y / in.view_scale.y, in.scale.x / in.view_scale.x}; }
+
+// Compares the views where the network matched them, and takes from its confidence what they contradict.
+void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
+  const auto started = std::chrono::steady_clock::now();
+  if (has_right(in)) {
+    scratch.views.compare(in.disparity, in.left, in.right, picture_of(in), cells_of(in), in.fields);
+    scratch.measures.measure(scratch.views, picture_of(in).width);
+    if (in.pattern.focal_x > 0.0) {
+      scratch.rows.measure(scratch.views, in.confidence, cells_of(in), {1.0 / in.view_scale.y, 1.0 / in.view_scale.x}, in.pattern);
+    }
+  }
+  scratch.consistency.judge(in.confidence, in.reach, has_right(in) ? &scratch.views : nullptr, has_right(in) ? cells_of(in) : Scale{});
+  scratch.trust_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
 }
+
+// A disparity map and its pixels per output pixel.
+struct Scaled {
+  FloatView map;
+  Scale scale;
+};
+
+// Judges the views, and meanwhile brings the disparity to the grid of the left one, where that can guide it.
+Scaled judge_and_upsample(const PostprocessInput& in, PostprocessScratch& scratch) {
+  JointBilateralUpsampling& upsampling = scratch.upsampling;
+  if (!has_left(in) || JointBilateralUpsampling::factor(in.disparity, in.left) == 0) {
+    judge_views(in, scratch);
+    return {in.disparity, in.scale};
+  }
+  upsampling.read(in.disparity, in.confidence, in.left, in.upsampling);
+  const auto write_rows = [&](int begin, int end, int) {
+    for (int y = begin; y < end; ++y) upsampling.write_row(y);
+  };
+  // What judges has many short loops, which threads speed up little: it takes one thread, and the others upsample.
+  parallel_for_beside([&] { judge_views(in, scratch); }, in.left.height, JointBilateralUpsampling::rows_per_block, write_rows);
+  return {upsampling.map(), in.view_scale};
+}
+
+// Writes rows of the maps, on several threads.
+class RowWriter {
+ public:
+  RowWriter(const PostprocessInput& in, const MapsOut& maps, const Scaled& disparity, PostprocessScratch& scratch)
+      : in_(in), maps_(maps), disparity_(disparity.map), scratch_(scratch), limits_(limits_of(in)),
+        rig_sigma_(has_right(in) ? scratch.rows.latest() : PoseError(), in.pattern, static_cast<double>(limits_.focal_baseline)),
+        shift_(static_cast<float>(in.right_shift)) {
+    const int width = in.size.width;
+    scratch.disparity.prepare(disparity.map.width, disparity.map.height, width, disparity.scale);
+    scratch.confidence.prepare(in.confidence.width, in.confidence.height, width, in.scale);
+    // Whether this frame has a sigma or not: a later one takes no memory for it.
+    scratch.own.prepare(in.confidence.width, in.confidence.height, width, in.scale);
+    scratch.own_row.resize(static_cast<size_t>(workers()) * static_cast<size_t>(width));
+    if (has_left(in)) scratch.glare.prepare(in.left, width, in.view_scale, workers());
+    has_fields_ = has_right(in) && scratch.views.size().width > 0;
+    if (has_fields_) {
+      const double cell = 2.0 * scratch.views.unit();
+      const MatchedViews& views = scratch.views;
+      scratch.fields.prepare(views.field(0), views.field(1), width, {in.view_scale.y / cell, in.view_scale.x / cell}, workers());
+    }
+  }
+
+  int workers() const { return scratch_.disparity.workers(); }
+
+  // Returns how many of its pixels have no reason against them.
+  int write(int y, int worker) const {
+    DepthRow row = row_of(y);
+    if (has_left(in_)) row.brightness = scratch_.glare.row(in_.left, y, worker);
+    if (has_fields_) {
+      row.inside_left = scratch_.fields.left(y, worker);
+      row.valid_right = scratch_.fields.right(y, worker, row.valid_right);
+    }
+    float* const disparity = maps_.disparity + first_of(y);
+    scratch_.disparity.row(disparity_, y, in_.gain, worker, disparity);
+    scratch_.confidence.row(scratch_.consistency.seen(), y, 1.0f, worker, maps_.confidence + first_of(y));
+    if (row.sigma != nullptr) {
+      float* const own = scratch_.own_row.data() + static_cast<ptrdiff_t>(worker) * row.width;
+      scratch_.own.row(scratch_.consistency.own(), y, 1.0f, worker, own);
+      row.own_confidence = own;
+    }
+    const int usable = kernels().depth_row(row, limits_);
+    if (row.sigma != nullptr) rig_sigma_.add(row.depth, y, row.width, row.sigma);
+    if (shift_ != 0.0f) {
+      for (int x = 0; x < row.width; ++x) disparity[x] -= shift_;
+    }
+    return usable;
+  }
+
+ private:
+  // The first pixel of a row.
+  int64_t first_of(int y) const { return static_cast<int64_t>(y) * in_.size.width; }
+
+  DepthRow row_of(int y) const {
+    const int64_t offset = first_of(y);
+    DepthRow row{};
+    row.disparity = maps_.disparity + offset;
+    row.confidence = maps_.confidence + offset;
+    row.reasons = maps_.reasons + offset;
+    row.width = in_.size.width;
+    if (in_.valid_left != nullptr) row.valid_left = in_.valid_left + offset;
+    if (in_.valid_right != nullptr) row.valid_right = in_.valid_right + offset;
+    if (maps_.depth != nullptr) row.depth = maps_.depth + offset;
+    if (maps_.sigma != nullptr) row.sigma = maps_.sigma + offset;
+    return row;
+  }
+
+  const PostprocessInput& in_;
+  const MapsOut& maps_;
+  FloatView disparity_;
+  PostprocessScratch& scratch_;
+  DepthLimits limits_;
+  RigSigma rig_sigma_;
+  float shift_;
+  bool has_fields_ = false;
+};
 
 }  // namespace
 
 int postprocess(const PostprocessInput& input, const MapsOut& maps, PostprocessScratch& scratch) {
   check(input, maps);
-  const bool has_view = input.left.data != nullptr;
-  FloatView disparity = input.disparity;
-  Scale disparity_scale = input.scale;
-  if (has_view && JointBilateralUpsampling::factor(input.disparity, input.left) > 0) {
-    disparity = scratch.upsampling.upsampled(input.disparity, input.confidence, input.left, input.upsampling);
-    disparity_scale = input.view_scale;
-  }
-  const int width = input.size.width;
-  RowResizer& disparities = scratch.disparity;
-  RowResizer& confidences = scratch.confidence;
-  disparities.prepare(disparity.width, disparity.height, width, disparity_scale);
-  confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
-  const int workers = disparities.workers();
-  // Whether this frame has a sigma or not: a later one takes no memory for it.
-  RowResizer& own_confidences = scratch.own;
-  own_confidences.prepare(input.confidence.width, input.confidence.height, width, input.scale);
-  scratch.own_row.resize(static_cast<size_t>(workers) * static_cast<size_t>(width));
-  GlareRows& views = scratch.glare;
-  if (has_view) views.prepare(input.left, width, input.view_scale, workers);
-  const auto started = std::chrono::steady_clock::now();
-  const bool has_right = input.right.data != nullptr;
-  const Scale cells = has_right ? Scale{input.scale.y / input.view_scale.y, input.scale.x / input.view_scale.x} : Scale{};
-  if (has_right) {
-    scratch.views.compare(input.disparity, input.left, input.right, picture_of(input), cells, input.fields);
-    scratch.measures.measure(scratch.views, picture_of(input).width);
-    if (input.pattern.focal_x > 0.0) {
-      scratch.rows.measure(scratch.views, input.confidence, cells, {1.0 / input.view_scale.y, 1.0 / input.view_scale.x}, input.pattern);
-    }
-  }
-  scratch.consistency.judge(input.confidence, input.reach, has_right ? &scratch.views : nullptr, cells);
-  FieldRows& fields = scratch.fields;
-  const bool has_fields = has_right && scratch.views.size().width > 0;
-  if (has_fields) {
-    const double cell = 2.0 * scratch.views.unit();
-    fields.prepare(scratch.views.field(0), scratch.views.field(1), width, {input.view_scale.y / cell, input.view_scale.x / cell}, workers);
-  }
-  scratch.trust_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
-  const DepthLimits limits = limits_of(input);
-  const RigSigma rig_sigma(has_right ? scratch.rows.latest() : PoseError(), input.pattern,
-                           static_cast<double>(limits.focal_baseline));
-  const float shift = static_cast<float>(input.right_shift);
+  const Scaled disparity = judge_and_upsample(input, scratch);
+  const RowWriter writer(input, maps, disparity, scratch);
   std::atomic<int> usable{0};
-  const auto process_rows = [&](int begin, int end, int worker) {
+  const auto write_rows = [&](int begin, int end, int worker) {
     int count = 0;
-    for (int y = begin; y < end; ++y) {
-      DepthRow row = row_of(input, maps, y);
-      if (has_view) row.brightness = views.row(input.left, y, worker);
-      if (has_fields) {
-        row.inside_left = fields.left(y, worker);
-        row.valid_right = fields.right(y, worker, row.valid_right);
-      }
-      float* const disparity_row = maps.disparity + static_cast<int64_t>(y) * width;
-      disparities.row(disparity, y, input.gain, worker, disparity_row);
-      confidences.row(scratch.consistency.seen(), y, 1.0f, worker, maps.confidence + static_cast<int64_t>(y) * width);
-      if (row.sigma != nullptr) {
-        float* const own = scratch.own_row.data() + static_cast<ptrdiff_t>(worker) * width;
-        own_confidences.row(scratch.consistency.own(), y, 1.0f, worker, own);
-        row.own_confidence = own;
-      }
-      count += kernels().depth_row(row, limits);
-      if (row.sigma != nullptr) rig_sigma.add(row.depth, y, width, row.sigma);
-      if (shift != 0.0f) {
-        for (int x = 0; x < width; ++x) disparity_row[x] -= shift;
-      }
-    }
+    for (int y = begin; y < end; ++y) count += writer.write(y, worker);
     usable += count;
   };
-  parallel_for(input.size.height, rows_per_block, process_rows, workers);
+  parallel_for(input.size.height, rows_per_block, write_rows, writer.workers());
   return usable;
 }
 

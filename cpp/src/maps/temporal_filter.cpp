@@ -30,7 +30,7 @@ void TemporalFilter::smooth(const TemporalInput& input) {
   const Size size = {input.disparity.width, input.disparity.height};
   read_errors(input);
   const bool compared = match_.next(input.left, input.picture);
-  if (compared && size.width == former_size_.width && size.height == former_size_.height) {
+  if (compared && size == former_size_) {
     // Pixels of the reduced view per cell.
     const double unit = match_.unit();
     move_former(input, {1.0 / (input.cells.y * unit), 1.0 / (input.cells.x * unit)});

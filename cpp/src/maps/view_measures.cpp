@@ -53,7 +53,7 @@ void add_steps(const float* row, int columns, float* __restrict fine, float* __r
 void ViewMeasures::measure(const MatchedViews& views, int picture_width) {
   const Size cells = views.size();
   tiles_ = {cells.width / tile, cells.height / tile};
-  for (auto& textures : textures_) textures.resize(static_cast<size_t>(tiles_.width) * static_cast<size_t>(tiles_.height));
+  for (auto& textures : textures_) textures.resize(count_of(tiles_));
   for (auto& roughness : roughness_) roughness.resize(static_cast<size_t>(tiles_.width));
   for (auto& sums : sums_) sums.resize(static_cast<size_t>(4 * cells.width));
   parallel_for(2, 1, [&](int begin, int end, int) {

@@ -51,7 +51,7 @@ void check_polygon(const MeasuredMaps& maps, const std::vector<Point>& polygon) 
           polygon.size());
   for (const Point& p : polygon) {
     const bool inside = p.x >= -0.5 && p.y >= -0.5 && p.x <= maps.size.width - 0.5 && p.y <= maps.size.height - 0.5;
-    require(inside, "polygon", Text("must lie in the map of ", maps.size.width, "x", maps.size.height), Text(p.x, ", ", p.y));
+    require(inside, "polygon", Text("must lie in the map of ", maps.size), Text(p.x, ", ", p.y));
   }
   // Where the outline crosses itself, nobody can say what is inside.
   for (size_t i = 0; i < polygon.size(); ++i) {

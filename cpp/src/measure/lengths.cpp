@@ -30,7 +30,7 @@ const char* reason_name(uint8_t reasons) {
 Sighted look(const MeasuredMaps& maps, Point pixel) {
   const bool inside = pixel.x >= -0.5 && pixel.x < maps.size.width - 0.5 && pixel.y >= -0.5 && pixel.y < maps.size.height - 0.5;
   const Text seen(pixel.x, ", ", pixel.y);
-  require(inside, "pixel", Text("must lie in the map of ", maps.size.width, "x", maps.size.height), seen);
+  require(inside, "pixel", Text("must lie in the map of ", maps.size), seen);
   const auto index = static_cast<size_t>(std::nearbyint(pixel.y)) * static_cast<size_t>(maps.size.width) +
                      static_cast<size_t>(std::nearbyint(pixel.x));
   const double depth = static_cast<double>(maps.depth[index]);

@@ -8,6 +8,7 @@
 #include "platform/json.hpp"
 #include "model/seal.hpp"
 #include "model/weights.hpp"
+#include "platform/lists.hpp"
 #include "platform/sha256.hpp"
 #include "platform/errors.hpp"
 #include "platform/system.hpp"
@@ -23,7 +24,6 @@ constexpr const char* upsampling_key = "upsampling";
 constexpr const char* format_version = "1";
 const std::string prefix = "endosdk.";
 
-std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
 void check_content(ModelFile& model, const ModelProof& proof) {
   model.sha256 = sha256(model.data.data(), model.data.size());

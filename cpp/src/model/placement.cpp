@@ -5,6 +5,7 @@
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
+#include "platform/lists.hpp"
 
 namespace endosdk {
 namespace {
@@ -49,9 +50,9 @@ void check_placement(const std::string& provider, const Placement& placement) {
     std::string listed;
     for (const auto& [operation, count] : operations) {
       const bool may_stay = shares ? !is_heavy(operation) : is_shape_operation(operation);
-      if (!may_stay) listed += (listed.empty() ? "" : ", ") + std::to_string(count) + " " + operation;
+      if (!may_stay) append_item(listed, std::to_string(count) + " " + operation);
     }
-    if (!listed.empty()) elsewhere += (elsewhere.empty() ? "" : "; ") + listed + " on " + other;
+    if (!listed.empty()) append_item(elsewhere, listed + " on " + other, "; ");
   }
   require(elsewhere.empty(), ENDO_PROVIDER_UNAVAILABLE, "provider", rule, elsewhere);
 }

@@ -7,6 +7,7 @@
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
+#include "platform/lists.hpp"
 
 namespace endosdk {
 namespace {
@@ -24,7 +25,6 @@ bool is_recording(const std::string& key, const std::string& value) {
 // By default CUDA rounds what convolutions multiply to 10 bits, which moves a float32 model's disparities.
 constexpr const char* rounded_floats = "use_tf32";
 
-std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
 void check(const std::string& provider, const ProviderOptions& options) {
   std::set<std::string> seen;

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "platform/errors.hpp"
+#include "platform/lists.hpp"
 
 namespace endosdk {
 namespace {
@@ -101,7 +102,7 @@ void check_sha256(const std::string& seen, const std::string& expected, endo_sta
   std::string wanted = expected;
   for (char& c : wanted) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
   const bool well_formed = wanted.size() == 64 && wanted.find_first_not_of("0123456789abcdef") == std::string::npos;
-  require(well_formed, argument + "_sha256", "must be 64 hexadecimal digits", "'" + expected + "'");
+  require(well_formed, argument + "_sha256", "must be 64 hexadecimal digits", in_quotes(expected));
   require(wanted == seen, mismatch, argument, origin + " must have SHA-256 " + wanted, seen);
 }
 

@@ -17,6 +17,7 @@ namespace endosdk {
 namespace {
 
 thread_local int wanted_threads = 0;  // 0: the default
+thread_local bool is_in_loop = false;  // whether this thread has begun a loop that has not ended
 thread_local ThreadHook worker_hook;  // of the workers that start in loops of this thread
 
 // Loops of a frame follow each other within microseconds, in which a thread would fall asleep and be woken: that takes
@@ -29,6 +30,11 @@ void look_for(const Condition& condition) {
   while (!condition() && std::chrono::steady_clock::now() < end) {
   }
 }
+
+struct InLoop {
+  InLoop() { is_in_loop = true; }
+  ~InLoop() { is_in_loop = false; }
+};
 
 // One loop while it runs. Workers take blocks from a shared counter, so a slow or late worker costs little.
 struct Loop {
@@ -46,9 +52,22 @@ struct Loop {
         (*body)(begin, std::min(begin + block, count), worker);
       }
     } catch (...) {
-      if (!failed.exchange(true)) failure = std::current_exception();
-      next = count;
+      stop();
     }
+  }
+
+  void run_own(const FunctionReference<>& own) noexcept {
+    try {
+      own();
+    } catch (...) {
+      stop();
+    }
+  }
+
+  // Keeps the exception that is being handled, if it is the first.
+  void stop() noexcept {
+    if (!failed.exchange(true)) failure = std::current_exception();
+    next = count;
   }
 };
 
@@ -58,12 +77,15 @@ void run_alone(int count, int block, const LoopBody& body) {
 
 class Pool {
  public:
-  void run(int count, int block, const LoopBody& body, int workers) {
+  // Null: the caller has no work of its own.
+  void run(const FunctionReference<>* own, int count, int block, const LoopBody& body, int workers) {
     const std::unique_lock running(running_, std::try_to_lock);
     if (!running.owns_lock()) {
+      if (own != nullptr) (*own)();
       run_alone(count, block, body);
       return;
     }
+    const InLoop in_loop;
     start(workers - 1);
     {
       const std::lock_guard lock(mutex_);
@@ -77,6 +99,7 @@ class Pool {
       open_ = true;
     }
     wake_.notify_all();
+    if (own != nullptr) loop_.run_own(*own);
     loop_.work(0);
     // Only workers that joined in time matter: one that other programs keep from running must not delay the frame.
     std::unique_lock lock(mutex_);
@@ -173,28 +196,48 @@ Error short_of_threads(int wanted, int started) {
   return {ENDO_OUT_OF_MEMORY, "threads", as_text(rule), as_text(started)};
 }
 
+namespace {
+
+// Threads that do nothing until all are let go, whatever ends the scope.
+class WaitingThreads {
+ public:
+  ~WaitingThreads() {
+    {
+      const std::lock_guard lock(mutex_);
+      may_end_ = true;
+    }
+    change_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+  // Starts as many as the system gives, up to `count`, and returns how many run.
+  int start(int count) {
+    threads_.reserve(static_cast<size_t>(count));
+    try {
+      for (int i = 0; i < count; ++i) threads_.emplace_back([this] { wait(); });
+    } catch (const std::system_error&) {
+      // The caller sees by their number that the system has no more.
+    }
+    return static_cast<int>(threads_.size());
+  }
+
+ private:
+  void wait() {
+    std::unique_lock lock(mutex_);
+    change_.wait(lock, [this] { return may_end_; });
+  }
+
+  std::mutex mutex_;  // guards the next two
+  std::condition_variable change_;
+  bool may_end_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace
+
 void reserve_threads(int count) {
-  std::mutex mutex;
-  std::condition_variable change;
-  bool may_end = false;
-  std::vector<std::thread> threads;
-  threads.reserve(static_cast<size_t>(count));
-  const auto wait = [&] {
-    std::unique_lock lock(mutex);
-    change.wait(lock, [&] { return may_end; });
-  };
-  try {
-    for (int i = 0; i < count; ++i) threads.emplace_back(wait);
-  } catch (const std::system_error&) {
-    // said below, once those that run have ended
-  }
-  const int started = static_cast<int>(threads.size());
-  {
-    const std::lock_guard lock(mutex);
-    may_end = true;
-  }
-  change.notify_all();
-  for (std::thread& thread : threads) thread.join();
+  WaitingThreads threads;
+  const int started = threads.start(count);
   if (started < count) throw short_of_threads(count, started);
 }
 
@@ -217,10 +260,19 @@ LoopThreads::~LoopThreads() {
 
 void parallel_for(int count, int block, LoopBody body, int workers) {
   const int threads = std::min(thread_count(), workers);
-  if (threads < 2 || count <= block) {
+  if (threads < 2 || count <= block || is_in_loop) {
     run_alone(count, block, body);
   } else {
-    pool().run(count, block, body, threads);
+    pool().run(nullptr, count, block, body, threads);
+  }
+}
+
+void parallel_for_beside(FunctionReference<> own, int count, int block, LoopBody body) {
+  if (thread_count() < 2 || is_in_loop) {
+    own();
+    run_alone(count, block, body);
+  } else {
+    pool().run(&own, count, block, body, thread_count());
   }
 }
 

@@ -45,27 +45,33 @@ class LoopThreads {
   ThreadHook hook_before_;
 };
 
-// A reference to the body of a loop; it is called as body(begin, end, worker) with worker below thread_count().
-class LoopBody {
+// A reference to a function, which must live longer. Making one takes no memory.
+template <typename... Arguments>
+class FunctionReference {
  public:
-  template <typename Body, typename = std::enable_if_t<!std::is_same_v<std::decay_t<Body>, LoopBody>>>
-  LoopBody(Body&& body)  // implicit, so that a lambda can be passed where it is written
-      : object_(const_cast<void*>(static_cast<const void*>(std::addressof(body)))),
-        call_([](void* object, int begin, int end, int worker) {
-          (*static_cast<std::remove_reference_t<Body>*>(object))(begin, end, worker);
-        }) {}
+  template <typename Function, typename = std::enable_if_t<!std::is_same_v<std::decay_t<Function>, FunctionReference>>>
+  FunctionReference(Function&& function)  // implicit, so that a lambda can be passed where it is written
+      : object_(const_cast<void*>(static_cast<const void*>(std::addressof(function)))),
+        call_([](void* object, Arguments... arguments) { (*static_cast<std::remove_reference_t<Function>*>(object))(arguments...); }) {}
 
-  void operator()(int begin, int end, int worker) const { call_(object_, begin, end, worker); }
+  void operator()(Arguments... arguments) const { call_(object_, arguments...); }
 
  private:
   void* object_;
-  void (*call_)(void*, int, int, int);
+  void (*call_)(void*, Arguments...);
 };
+
+// The body of a loop; it is called as body(begin, end, worker) with worker below thread_count().
+using LoopBody = FunctionReference<int, int, int>;
 
 // Calls `body` for blocks of at most `block` indices that together cover 0 to count. Only workers below `workers` take
 // part: a body with scratch memory per worker passes how many it has. What a body throws, on whichever thread, reaches
 // the caller once no worker is in the loop. Blocks that have not begun are left out; of several exceptions the first is
 // kept.
 void parallel_for(int count, int block, LoopBody body, int workers = max_threads);
+
+// The same, beside work of the caller's own: other threads begin with the blocks, and the caller takes part once `own` is
+// done. Loops within it run on its thread alone.
+void parallel_for_beside(FunctionReference<> own, int count, int block, LoopBody body);
 
 }  // namespace endosdk
