@@ -70,9 +70,13 @@ def test_predict_names_the_causes_and_leaves_no_map_of_an_earlier_pair(tmp_path,
     assert main(["predict", pair[0], pair[0], *options]) == 1
     assert "cause      SAME_VIEW_TWICE: one camera is connected to both inputs" in capsys.readouterr().out
     found = {path.name for path in (tmp_path / "out").iterdir()}
-    assert found == {"overview.png", "disparity.png", "confidence.png", "reasons.png"}
+    assert found == {"overview.png", "disparity.png", "confidence.png", "reasons.png", "result.json"}
+    record = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert (record["left"], record["right"], record["status"]) == ("l.png", "l.png", "INVALID")
     main(["predict", pair[0], pair[0], *options, "--json"])
-    assert "SAME_VIEW_TWICE" in json.loads(capsys.readouterr().out)["causes"]
+    said = json.loads(capsys.readouterr().out)
+    assert "SAME_VIEW_TWICE" in said["causes"] and said["causes"] == record["causes"]
+    assert said["files"]["result.json"] == str(tmp_path / "out" / "result.json")
     assert main(["predict", *pair, *options, "--frames", "-1"]) == 2
 
 

@@ -79,7 +79,10 @@ def test_a_batch_gives_what_predict_gives(archive, settings, done):
         np.testing.assert_array_equal(disparity, np.rint(result.disparity * 256).astype(np.uint16))
         np.testing.assert_array_equal(np.load(folder / "depth.npy"), result.depth)
         np.testing.assert_array_equal(np.load(folder / "sigma.npy"), result.sigma)
+        np.testing.assert_array_equal(read_frame(folder / "left_rectified.png"), left)  # of a rectified rig
         described = json.loads((folder / "result.json").read_text())
+        assert described["causes"].keys() == {cause.name for cause in result.causes}
+        assert (described["size"], described["model"]["name"]) == ([320, 240], "fast")
         assert described["status"] == result.status.name
         assert described["median_depth_mm"] == pytest.approx(np.nanmedian(result.depth), abs=1e-3)
         assert (described["geometry"]["focal_px"], described["geometry"]["baseline_mm"]) == (400.0, 10.0)
@@ -168,7 +171,7 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
     shutil.copy(archive / "right" / broken.name, broken)
     assert main(words) == 0
     assert len(list((tmp_path / "out" / "pairs").iterdir())) == len(NAMES)
-    for name in ("depth.*", "sigma.*"):
+    for name in ("depth.*", "sigma.*", "left_rectified.*"):
         assert not list((tmp_path / "out" / "pairs").glob(f"*/{name}")), "no rig, no depth"
 
 

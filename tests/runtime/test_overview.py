@@ -1,3 +1,7 @@
+import hashlib
+import json
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -5,8 +9,10 @@ import pytest
 from endosdk import DepthEstimator, StereoCalibration, errors
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.runtime.overview import colour_map, overview, robust_range
-from endosdk.runtime.result_files import write_result
-from tests.conftest import TINY_MODEL, shifted_pair
+from endosdk.runtime.result_files import write_record, write_result
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
+
+EXAMPLES = ROOT / "examples" / "data"
 
 
 @pytest.fixture(scope="module")
@@ -89,15 +95,54 @@ def test_files_hold_what_the_result_holds(predicted, tmp_path):
     sigma = np.load(files["sigma.npy"])
     assert sigma.dtype == np.float32 and np.array_equal(sigma, result.sigma, equal_nan=True)
     assert np.array_equal(np.isnan(sigma), ~valid)
+    assert np.array_equal(read_frame(files["left_rectified.png"]), left)
 
 
-def test_no_calibration_leaves_no_file_in_mm(predicted, tmp_path):
+def test_no_calibration_leaves_no_file_in_mm_and_none_of_an_earlier_result(predicted, tmp_path):
     left, calibrated = predicted
-    write_result(tmp_path, left, calibrated)
-    write_result(tmp_path, left, DepthEstimator(TINY_MODEL).predict(*shifted_pair(96, 160, 12)))
-    assert {path.name for path in tmp_path.iterdir()} == {
-        *("overview.png", "disparity.png", "confidence.png", "reasons.png")
-    }
+    files = write_result(tmp_path, left, calibrated)
+    write_record(tmp_path, calibrated, files, (Path("l.png"), Path("r.png")))
+    result = DepthEstimator(TINY_MODEL).predict(*shifted_pair(96, 160, 12))
+    files = write_result(tmp_path, left, result)
+    names = {"overview.png", "disparity.png", "confidence.png", "reasons.png"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    record = json.loads(write_record(tmp_path, result, files, (Path("l.png"), Path("r.png"))).read_text())
+    assert record["geometry"] is record["calibration_sha256"] is record["median_depth_mm"] is None
+    assert record["files"].keys() == names
+
+
+def test_points_follow_from_the_files_alone(tmp_path):
+    """A pixel of the raw view is elsewhere; with what the files say, each pixel becomes its point."""
+    rig = StereoCalibration.load(EXAMPLES / "rig.json")
+    pair = [read_frame(EXAMPLES / "demo" / f"{side}.png") for side in ("left", "right")]
+    estimator = DepthEstimator("fast", calibration=rig)
+    result = estimator.predict(*pair)
+    left = estimator.rectify(*pair)[0]
+    files = write_result(tmp_path, left, result)
+    record = json.loads(write_record(tmp_path, result, files, (Path("a/l.png"), Path("b/r.png"))).read_text())
+    assert (record["left"], record["right"], record["status"]) == ("l.png", "r.png", result.status.name)
+    assert record["valid_share"] == pytest.approx(result.valid_share, abs=1e-4)
+    assert record["model"] == {name: getattr(result.model, name) for name in ("name", "version", "sha256")}
+    assert record["calibration_sha256"] == rig.sha256
+    assert record["size"] == [960, 720]
+    shown = read_frame(tmp_path / "left_rectified.png")
+    assert np.array_equal(shown, left) and not np.array_equal(shown, pair[0])
+    g, depth = record["geometry"], np.load(tmp_path / "depth.npy")
+    rows, columns = np.indices(depth.shape)
+    x, y = (columns - g["cx"]) * depth / g["focal_px"], (rows - g["cy"]) * depth / g["focal_y_px"]
+    assert np.isfinite(depth).mean() > 0.5
+    np.testing.assert_allclose(np.stack([x, y, depth], -1), result.points(), rtol=1e-4, atol=1e-4)
+    far = g["focal_px"] * g["baseline_mm"] / (result.disparity + g["doffs"])
+    np.testing.assert_allclose(depth[np.isfinite(depth)], far[np.isfinite(depth)], rtol=1e-4)
+    for name, sha256 in record["files"].items():
+        assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == sha256
+    assert {path.name for path in tmp_path.iterdir()} == {*record["files"], "result.json"}
+
+
+@pytest.mark.parametrize("picture", [np.zeros((95, 160, 3), np.uint8), np.zeros((96, 160, 3), np.uint16)])
+def test_a_picture_that_the_maps_do_not_lie_over_is_refused(predicted, tmp_path, picture):
+    with pytest.raises(errors.InvalidArgument, match=r"left: must be uint8 \(96, 160, 3\), as the maps; got uint"):
+        write_result(tmp_path, picture, predicted[1])
 
 
 def test_frame_files_come_back_as_rgb(tmp_path):

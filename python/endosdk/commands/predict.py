@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     """Predict, write the files, say what was found; the status is 1 where the maps cannot be used."""
     from endosdk import Status
     from endosdk.io.pictures import read_frame
-    from endosdk.runtime.result_files import write_result
+    from endosdk.runtime.result_files import RESULT, described, write_record, write_result
 
     if args.frames < 0:
         raise InvalidArgument("frames", "must not be negative", args.frames)
@@ -51,14 +51,10 @@ def run(args: argparse.Namespace) -> int:
     truth = _read_truth(args.truth, result) if args.truth else None
     views = estimator.rectify(left, right)
     files = write_result(args.out, views[0], result, truth)
+    files[RESULT] = write_record(args.out, result, files, (args.left, args.right))
     report = Report(args)
-    provider = estimator.diagnostics()["provider"]
-    report.record = {
-        "model": {"name": result.model.name, "version": result.model.version, "sha256": result.model.sha256},
-        "provider": provider,
-        "calibration_sha256": result.calibration_sha256,
-    }
-    report.line(f"model      {result.model.name} {result.model.version} on {provider}")
+    report.record = described(result)
+    report.line(f"model      {result.model.name} {result.model.version} on {result.identity.provider}")
     _report_maps(report, result)
     _report_speed(report, timings, totals)
     if truth is not None:
@@ -85,8 +81,6 @@ def _timed(
 
 def _report_maps(report: Report, result: DepthResult) -> None:
     valid = result.reasons == 0
-    report.record |= {"status": result.status.name, "valid_share": result.valid_share}
-    report.record["causes"] = {cause.name: measure for cause, measure in result.causes.items()}
     report.line(f"valid      {100 * result.valid_share:.1f} % of pixels, status {result.status.name}")
     for cause in result.causes:
         fact = _core.cause_facts[cause]

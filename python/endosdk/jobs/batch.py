@@ -6,7 +6,6 @@ cluster whose machines all see the folders. So a batch that was stopped is conti
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,8 +13,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument
@@ -31,13 +28,11 @@ from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.limits import DEFAULT_LIMITS, Limits
 from endosdk.runtime.models import shipped_models
-from endosdk.runtime.result import DepthResult
-from endosdk.runtime.result_files import write_maps
+from endosdk.runtime.result_files import RESULT, file_sha256, write_maps, write_record
 
 FORMAT_VERSION = 3  # a batch begun by an older one lacks files that a pair now has
 RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
-RESULT = "result.json"  # of one pair: its numbers, and the SHA-256 of each of its files
 LARGEST_RESULT = 1 << 20  # bytes
 SHARE = 8  # pairs that a worker is given at a time
 
@@ -135,7 +130,7 @@ def _check_finished(folder: Path) -> None:
         if present != recorded.keys():
             raise _changed(folder, f"files {sorted(present)} instead of {sorted(recorded)}")
         for name, sha256 in recorded.items():
-            if _sha256(folder / name) != sha256:
+            if file_sha256(folder / name) != sha256:
                 raise _changed(folder, f"{name} holds other bytes than were written")
     except OSError as error:
         raise _changed(folder, error) from error
@@ -144,11 +139,6 @@ def _check_finished(folder: Path) -> None:
 def _changed(folder: Path, seen: object) -> DatasetInvalid:
     rule = "a finished pair was changed; delete its folder, and the same command computes it again"
     return DatasetInvalid("out", rule, f"{folder}: {seen}")
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @dataclass(frozen=True)
@@ -225,30 +215,11 @@ def _answer_all(job: _Job, pairs: list[PairFiles]) -> dict[str, str | None]:
 
 def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None:
     try:
-        result = estimator.predict(read_frame(pair.left), read_frame(pair.right))
+        left, right = read_frame(pair.left), read_frame(pair.right)
+        result = estimator.predict(left, right)
     except (InvalidArgument, CalibrationSizeMismatch) as error:
         return str(error)
     with whole_folder(job.folder(pair), job.out) as folder:
-        files = {name: _sha256(path) for name, path in write_maps(folder, result).items()}
-        write_text(folder / RESULT, json.dumps({**_described(pair, result), "files": files}, indent=1) + "\n", "out")
+        files = write_maps(folder, estimator.rectify(left, right)[0], result)
+        write_record(folder, result, files, (pair.left, pair.right))
     return None
-
-
-def _described(pair: PairFiles, result: DepthResult) -> dict[str, Any]:
-    geometry = result.geometry
-    valid = result.reasons == 0
-    return {
-        "left": pair.left.name,
-        "right": pair.right.name,
-        "status": result.status.name,
-        "valid_share": round(result.valid_share, 4),
-        "median_disparity_px": _median(result.disparity[valid]),
-        "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[valid]),
-        "geometry": None
-        if geometry is None
-        else {name: getattr(geometry, name) for name in ("focal_px", "baseline_mm", "cx", "cy", "doffs")},
-    }
-
-
-def _median(values: Any) -> float | None:
-    return round(float(np.median(values)), 3) if values.size else None

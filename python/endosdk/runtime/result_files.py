@@ -1,21 +1,28 @@
-"""Write the maps of a result as files that other programs can read."""
+"""Write the maps of a result, and what is said of it, as files that other programs can read."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.errors import StorageFailed
+from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.pictures import write_picture
 from endosdk.io.point_cloud import write_ply
-from endosdk.io.whole_files import whole_file
+from endosdk.io.whole_files import whole_file, write_json
 from endosdk.runtime.overview import colour_map, overview, robust_range
 from endosdk.runtime.result import DepthResult
 
-# What a result without a rig has not.
-METRIC_FILES = ("depth.png", "depth.npy", "sigma.npy", "depth_preview.png", "points.ply")
+RESULT = "result.json"
+
+# What a result without a rig has not. Its maps lie over the left picture as it came.
+FILES_OF_A_RIG = ("left_rectified.png", "depth.png", "depth.npy", "sigma.npy", "depth_preview.png", "points.ply")
+
+GEOMETRY = ("focal_px", "focal_y_px", "cx", "cy", "baseline_mm", "doffs")  # of a record, by the names of the rig's
 
 DEPTH_STEPS_PER_MM = 10  # of depth.png: up to 6.5 m in steps far below any error
 
@@ -31,41 +38,48 @@ def write_result(
     ``overview.png`` shows the maps, ``depth_preview.png`` the depth in colours, since ``depth.png`` looks black to most
     viewers; ``points.ply`` holds the depth as coloured points. ``left`` is the rectified left
     view, RGB uint8 [H, W, 3] like the maps. With ``truth``, the true disparity, the picture shows the error too.
-    Files of an earlier result go, so that a folder never holds maps of two.
+    Files of an earlier result go, so that a folder never holds maps of two. That holds for its record, too:
+    `write_record` writes that of this result. Raises `InvalidArgument` where ``left`` is no such picture, and
+    `StorageFailed`.
     """
-    written = write_maps(folder, result)
-    written["overview.png"] = Path(folder) / "overview.png"
+    folder = _made(folder)
+    _remove(folder / RESULT)  # first: a record always stands beside the files that it names
+    written = write_maps(folder, left, result)
+    written["overview.png"] = folder / "overview.png"
     write_picture(written["overview.png"], overview(left, result, truth))
     if result.depth_map is not None:
-        written["depth_preview.png"] = Path(folder) / "depth_preview.png"
+        written["depth_preview.png"] = folder / "depth_preview.png"
         write_picture(written["depth_preview.png"], colour_map(result.depth_map, *robust_range(result.depth_map)))
-        written["points.ply"] = Path(folder) / "points.ply"
+        written["points.ply"] = folder / "points.ply"
         write_ply(written["points.ply"], result.points(), left)
-    for name in METRIC_FILES:
+    for name in FILES_OF_A_RIG:
         if name not in written:
-            (Path(folder) / name).unlink(missing_ok=True)
+            _remove(folder / name)
     return written
 
 
-def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
+def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthResult) -> dict[str, Path]:
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
     ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit, tenths of a mm; both 0 where there is no value.
     ``depth.npy`` keeps the float32 millimetres, ``sigma.npy`` the expected error of each, float32 mm; both NaN where
-    there is no value. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits. Files of depth and sigma
-    need a calibration.
+    there is no value. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits. With a calibration,
+    ``left_rectified.png`` is ``left``, the rectified left view, RGB uint8 [H, W, 3], over which all maps lie; without
+    one nothing was rectified, and there is no such file and none in mm. Raises `InvalidArgument` where ``left`` has
+    another size than the maps, and `StorageFailed`.
     """
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", error) from error
+    if left.dtype != np.uint8 or left.shape != (*result.disparity.shape, 3):
+        raise InvalidArgument(
+            "left", f"must be uint8 {(*result.disparity.shape, 3)}, as the maps", f"{left.dtype} {left.shape}"
+        )
+    folder = _made(folder)
     pictures: dict[str, npt.NDArray[np.uint8] | npt.NDArray[np.uint16]] = {
         "disparity.png": _to_uint16(result.disparity * 256),
         "confidence.png": np.rint(result.confidence * 255).astype(np.uint8),
         "reasons.png": result.reasons,
     }
     if result.depth_map is not None:
+        pictures["left_rectified.png"] = left
         pictures["depth.png"] = _to_uint16(result.depth_map * DEPTH_STEPS_PER_MM)
     written = {}
     for name, picture in pictures.items():
@@ -77,6 +91,72 @@ def write_maps(folder: str | Path, result: DepthResult) -> dict[str, Path]:
             with whole_file(written[name], "out") as stream:
                 np.save(stream, values)
     return written
+
+
+def write_record(
+    folder: str | Path, result: DepthResult, files: Mapping[str, Path], pictures: tuple[Path, Path]
+) -> Path:
+    """Write ``result.json``: what `described` says, the names of both pictures and the SHA-256 of each of ``files``.
+
+    Returns its path. Raises `StorageFailed`.
+    """
+    left, right = pictures
+    record = {
+        "left": left.name,
+        "right": right.name,
+        **described(result),
+        "files": {name: file_sha256(path) for name, path in files.items()},
+    }
+    write_json(Path(folder) / RESULT, record, "out")
+    return Path(folder) / RESULT
+
+
+def described(result: DepthResult) -> dict[str, Any]:
+    """Return what a result is, beside its maps, as JSON values; it is the same on every machine.
+
+    ``causes`` has the measure of each cause. Medians are of the valid pixels, None without any. ``size`` is (width,
+    height) of the maps, px. ``geometry`` turns a pixel of the maps into a point, as `DepthResult.points` does; None
+    without a calibration.
+    """
+    height, width = result.disparity.shape
+    valid = result.reasons == 0
+    return {
+        "status": result.status.name,
+        "causes": {cause.name: measure for cause, measure in result.causes.items()},
+        "valid_share": round(result.valid_share, 4),
+        "median_disparity_px": _median(result.disparity[valid]),
+        "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[valid]),
+        "size": [width, height],
+        "geometry": None if result.geometry is None else {name: getattr(result.geometry, name) for name in GEOMETRY},
+        "model": {"name": result.model.name, "version": result.model.version, "sha256": result.model.sha256},
+        "calibration_sha256": result.calibration_sha256,
+        "provider": result.identity.provider,
+    }
+
+
+def file_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _made(folder: str | Path) -> Path:
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", error) from error
+    return Path(folder)
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageFailed("out", "files of an earlier result must be removable", error) from error
+
+
+def _median(values: npt.NDArray[np.float32]) -> float | None:
+    return round(float(np.median(values)), 3) if values.size else None
 
 
 def _to_uint16(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
