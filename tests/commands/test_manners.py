@@ -22,7 +22,7 @@ import pytest
 
 from endosdk import StereoCalibration
 from endosdk.commands.cli import EXAMPLES, VERBS, build_parser, main
-from endosdk.errors import DependencyMissing, extra_of, install_command
+from endosdk.io.extras import dependency_missing, extra_of, install_command
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
 RUN = [sys.executable, "-m", "endosdk"]
@@ -193,7 +193,7 @@ def test_the_commands_that_install_extras_name_packages_that_exist():
     words = [sys.executable, *shlex.split(command)[1:], "--dry-run", "--no-index"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr  # all of it is installed here, so pip has nothing to do
-    assert DependencyMissing.of(ImportError("no", name="scipy")) is None
+    assert dependency_missing(ImportError("no", name="scipy")) is None
 
 
 def test_bash_completes_verbs_and_options(tmp_path):

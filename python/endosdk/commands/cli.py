@@ -14,7 +14,8 @@ from typing import Any
 from endosdk import __version__
 from endosdk.commands.interrupts import interrupts_heard
 from endosdk.commands.options import Parser, sentence
-from endosdk.errors import DependencyMissing, EndoError, StorageFailed
+from endosdk.errors import EndoError, StorageFailed
+from endosdk.io.extras import dependency_missing
 
 VERBS = {
     "predict": "compute disparity and depth of one stereo pair and save them as files",
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except EndoError as error:
         return _refuse(options, error)
     except ModuleNotFoundError as error:
-        missing = DependencyMissing.of(error)
+        missing = dependency_missing(error)
         if missing is None:
             raise
         return _refuse(options, missing)

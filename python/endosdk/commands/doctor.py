@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
 def _packages(report: Report) -> list[str]:
     """Say what there is beside the run time, and which packages overwrite each other."""
     from endosdk import _core
-    from endosdk.errors import extra_of, install_command
+    from endosdk.io.extras import extra_of, install_command
     from endosdk.jobs.machine import machine_record
 
     record = machine_record()

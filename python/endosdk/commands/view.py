@@ -73,11 +73,12 @@ def run(args: argparse.Namespace) -> int:
 def rerun_writer(path: Path, player: Player) -> Callable[[Shown], None]:
     """Return what writes every answer into a recording of Rerun."""
     from endosdk.errors import DependencyMissing
+    from endosdk.io.extras import must_install_package
 
     try:
         import rerun
     except ImportError as error:
-        raise DependencyMissing("rerun", "is not installed: pip install rerun-sdk", error) from error
+        raise DependencyMissing("rerun", must_install_package("rerun-sdk"), "nothing") from error
     rerun.init("endosdk")
     rerun.save(path)
 

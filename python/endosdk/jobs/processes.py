@@ -13,7 +13,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
-from endosdk.errors import DependencyMissing, must_install
+from endosdk.errors import DependencyMissing
+from endosdk.io.extras import must_install
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")

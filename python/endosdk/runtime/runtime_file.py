@@ -8,7 +8,8 @@ import importlib.util
 import re
 from pathlib import Path
 
-from endosdk.errors import InvalidArgument, RuntimeHashMismatch, RuntimeMissing, must_install
+from endosdk.errors import InvalidArgument, RuntimeHashMismatch, RuntimeMissing
+from endosdk.io.extras import must_install
 
 # In the packages from PyPI this one file is the runtime; the library for C beside it is not opened by Python.
 PATTERN = "capi/onnxruntime_pybind11_state*"

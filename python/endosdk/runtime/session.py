@@ -25,8 +25,8 @@ from endosdk.errors import (
     ProviderUnavailable,
     RuntimeConflict,
     RuntimeMissing,
-    must_install,
 )
+from endosdk.io.extras import must_install
 from endosdk.runtime import runtime_file, telemetry
 from endosdk.runtime.models import ModelFile, ModelInfo, parse_metadata
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from endosdk.errors import DependencyMissing, InvalidArgument, ModelHashMismatch, ModelNotFound, must_install
+from endosdk.errors import DependencyMissing, InvalidArgument, ModelHashMismatch, ModelNotFound
 from endosdk.io.bounded_read import Refused, read_bounded
+from endosdk.io.extras import must_install
 from endosdk.runtime.models import LARGEST_MODEL
 
 LARGEST_SMALL_FILE = 65536  # bytes, of a key or a signature

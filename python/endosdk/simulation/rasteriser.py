@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, RendererUnavailable, must_install
+from endosdk.errors import DependencyMissing, RendererUnavailable
+from endosdk.io.extras import must_install
 from endosdk.simulation.camera import Pose, View
 from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array

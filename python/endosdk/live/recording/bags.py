@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from endosdk.errors import DependencyMissing, StorageFailed, must_install
+from endosdk.errors import DependencyMissing, StorageFailed
+from endosdk.io.extras import must_install
 from endosdk.live.recording.messages import TOPICS, messages
 from endosdk.live.recording.recording import Recording
 

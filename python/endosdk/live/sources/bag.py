@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, EndoError, InvalidArgument, SourceFailed, must_install
+from endosdk.errors import DependencyMissing, EndoError, InvalidArgument, SourceFailed
 from endosdk.io.bounded_read import Refused
+from endosdk.io.extras import must_install
 from endosdk.io.picture_bytes import check_picture_size, decode_picture
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.sources.source import Clock, Source

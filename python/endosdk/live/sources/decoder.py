@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from endosdk.errors import DependencyMissing, SourceFailed, must_install
+from endosdk.errors import DependencyMissing, SourceFailed
+from endosdk.io.extras import must_install
 from endosdk.live.frames import Picture
 from endosdk.live.sources.source import DEFAULT_RATE, Scan, stamp_of
 

@@ -11,7 +11,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from endosdk.errors import DependencyMissing, EndoError, InvalidArgument, must_install
+from endosdk.errors import DependencyMissing, EndoError, InvalidArgument
+from endosdk.io.extras import must_install
 from endosdk.live.viewer.measuring import measured
 from endosdk.live.viewer.message import encoded
 from endosdk.live.viewer.palette import legend
