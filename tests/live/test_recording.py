@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import subprocess
 import sys
 import time
@@ -22,6 +23,7 @@ from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
+from endosdk.live.recording.video_files import VideoWriter
 from endosdk.live.sources.source import Source
 from endosdk.live.viewer import Player
 from tests.conftest import TINY_MODEL
@@ -184,6 +186,37 @@ def test_a_recording_that_was_killed_goes_on(video, tmp_path):
     assert np.array_equal(next(iter(begun)).left, PAIRS[0][0])
     record(endosdk.open_source(video), estimator(), out)
     check(out)
+
+
+@pytest.fixture
+def interruptible():
+    """A shell starts what runs in its background with interrupts ignored: not so here."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def interrupted_at_picture(monkeypatch, number):
+    """Let control-C come while a picture of a recording is written."""
+    add, count = VideoWriter.add, iter(range(1000))
+
+    def interrupted(self, picture, stamp_ns):
+        if next(count) == number:
+            signal.raise_signal(signal.SIGINT)
+        add(self, picture, stamp_ns)
+
+    monkeypatch.setattr(VideoWriter, "add", interrupted)
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_while_a_frame_is_written_loses_nothing_of_it(video, tmp_path, monkeypatch):
+    interrupted_at_picture(monkeypatch, 7)  # of three a frame
+    with pytest.raises(KeyboardInterrupt):
+        record(endosdk.open_source(video), estimator(), tmp_path / "r")
+    assert [frame.number for frame in Recording(tmp_path / "r")] == [0, 1, 2]
+    assert not list((tmp_path / "r").glob(".partial-*"))
+    record(endosdk.open_source(video), estimator(), tmp_path / "r")
+    check(tmp_path / "r")
 
 
 def test_a_full_disk_leaves_what_was_written(video, tmp_path):

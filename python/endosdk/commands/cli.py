@@ -59,7 +59,8 @@ COMPLETION = "--print-completion"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``endosdk``; the exit status is 0, 1 (the result cannot be used) or 2 (bad input).
 
-    Like a program that a signal has ended it is 130 after Ctrl-C, and 141 when nobody reads the output any more.
+    Like a program that a signal has ended it is 130 after Ctrl-C, 143 after SIGTERM, and 141 when nobody reads the
+    output any more.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if COMPLETION in words:
@@ -67,30 +68,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else:  # only the verb that runs is imported
         verbs = [word for word in words if not word.startswith("-")][:1]
     options = build_parser(verbs).parse_args(words)
-    try:
-        with interrupts_heard():
+    with interrupts_heard() as interrupts:
+        try:
             status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
-        if sys.stdout is not None:  # None where the caller closed it
-            sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
-        return status
-    except EndoError as error:
-        return _refuse(options, error)
-    except ModuleNotFoundError as error:
-        missing = dependency_missing(error)
-        if missing is None:
-            raise
-        return _refuse(options, missing)
-    except KeyboardInterrupt as interrupt:  # a verb that can go on says how
-        print(f"endosdk {options.verb}: {interrupt.args[0] if interrupt.args else 'interrupted'}", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        _drop_output()  # whoever read it has enough
-        return 141
-    except OSError as error:
-        if error.errno != errno.ENOSPC:
-            raise
-        _drop_output()
-        return _refuse(options, StorageFailed("output", "must be writable", error.strerror))
+            if sys.stdout is not None:  # None where the caller closed it
+                sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
+            return status
+        except EndoError as error:
+            return _refuse(options, error)
+        except ModuleNotFoundError as error:
+            missing = dependency_missing(error)
+            if missing is None:
+                raise
+            return _refuse(options, missing)
+        except KeyboardInterrupt as interrupt:  # a verb that can go on says how
+            said = interrupt.args[0] if interrupt.args else "interrupted"
+            print(f"endosdk {options.verb}: {said}", file=sys.stderr)
+            return interrupts.status
+        except BrokenPipeError:
+            _drop_output()  # whoever read it has enough
+            return 141
+        except OSError as error:
+            if error.errno != errno.ENOSPC:
+                raise
+            _drop_output()
+            return _refuse(options, StorageFailed("output", "must be writable", error.strerror))
 
 
 def _drop_output() -> None:

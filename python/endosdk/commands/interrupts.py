@@ -1,7 +1,8 @@
-"""Ctrl-C that is heard whatever the program is doing."""
+"""Ctrl-C that is heard whatever the program is doing, and a polite kill that is taken as one."""
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 from _thread import interrupt_main
@@ -12,12 +13,25 @@ from typing import Any
 PAUSE = 0.05  # s; long enough for a finaliser to end
 
 
-@contextmanager
-def interrupts_heard() -> Iterator[None]:
-    """Interrupt again after an interrupt that came while a finaliser or a callback of C ran.
+class Interrupts:
+    """What came so far. ``status`` is the exit status of a program that it ended."""
 
-    There Python reports ``KeyboardInterrupt`` as an exception that it ignores, and the program goes on.
+    status = 128 + signal.SIGINT
+
+    def terminated(self, number: int, _: object) -> None:
+        """Interrupt the program, as the handler of a polite kill."""
+        self.status = 128 + number
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def interrupts_heard() -> Iterator[Interrupts]:
+    """Take SIGTERM, the signal of ``kill``, systemd and ``docker stop``, as Ctrl-C, and hear both everywhere.
+
+    An interrupt that came while a finaliser or a callback of C ran comes again: there Python reports
+    ``KeyboardInterrupt`` as an exception that it ignores, and the program goes on.
     """
+    interrupts = Interrupts()
     report = sys.unraisablehook
 
     def interrupt_again(ignored: Any) -> None:
@@ -28,8 +42,15 @@ def interrupts_heard() -> Iterator[None]:
         timer.daemon = True
         timer.start()
 
+    # A host that answers the signal itself keeps its answer. Only the main thread may set one.
+    main = threading.current_thread() is threading.main_thread()
+    ours = main and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     sys.unraisablehook = interrupt_again
     try:
-        yield
+        if ours:
+            signal.signal(signal.SIGTERM, interrupts.terminated)
+        yield interrupts
     finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
         sys.unraisablehook = report

@@ -20,6 +20,7 @@ from endosdk.io.locks import locked_folder
 from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import whole_folder, write_text
 from endosdk.live.frames import Frame
+from endosdk.live.recording.interrupts import interrupts_deferred
 from endosdk.live.recording.sixteen_bits import STEPS, described, quantity_of, shares_of, to_levels
 from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
 from endosdk.live.recording.video_files import VideoWriter, join
@@ -75,18 +76,22 @@ class Recorder:
         return bool(self._record["complete"])
 
     def add(self, frame: Frame, result: DepthResult) -> None:
-        """Append one answer. Raises InvalidArgument after the end, StorageFailed; the parts before it stay."""
+        """Append one answer, whole: an interrupt waits until it is written.
+
+        Raises InvalidArgument after the end, StorageFailed; the parts before it stay.
+        """
         if self._ended or self.complete:
             raise InvalidArgument("recorder", "must not have ended", self.out)
-        try:
-            if not self._writers:
-                self._begin_part(frame, result)
-            self._write(frame, result)
-            if len(self._lines) == PART_FRAMES:
-                self._end_part()
-        except BaseException as error:
-            self._abandon(error)
-            raise
+        with interrupts_deferred():
+            try:
+                if not self._writers:
+                    self._begin_part(frame, result)
+                self._write(frame, result)
+                if len(self._lines) == PART_FRAMES:
+                    self._end_part()
+            except BaseException as error:
+                self._abandon(error)
+                raise
 
     @property
     def source_ended(self) -> bool:
@@ -97,14 +102,15 @@ class Recorder:
         """Finish the part in work and join all parts into one file of each kind."""
         self._ended = True
         self._record["source_ended"] = source_ended
-        self._end_part()
+        with interrupts_deferred():
+            self._end_part()
         if not self.complete and self.frames:
             self._join()
 
     def stop(self) -> None:
         """Finish the part in work and let go of the folder; another recorder can go on with what is not closed."""
         self._ended = True
-        with self._hold:
+        with self._hold, interrupts_deferred():
             self._end_part()
 
     def _begin_part(self, frame: Frame, result: DepthResult) -> None:
