@@ -36,9 +36,9 @@ class ErrorCode(IntEnum):
     OUT_OF_MEMORY = 19
     SELF_TEST_FAILED = 20
     INTERNAL = 21
-    # Of Python alone.
+    # Only Python raises this one.
     SOURCE_FAILED = 22
-    # Of both again.
+    # Python and C share what follows.
     RUNTIME_HASH_MISMATCH = 23
 
 

@@ -32,7 +32,7 @@ POSE = 6
 DEPTHS_MM = (30.0, 60.0, 100.0)
 DRAWS = 200
 LEAST_LEFT_OUT = 6  # views, for leaving out one to say anything
-EDGE = 0.7  # of the way from the middle of the picture to its corner
+EDGE = 0.7  # where the edge is: this share of the way from the middle of the picture to its corner
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def _view_slopes(calibration: StereoCalibration, view: BoardView, pose: tuple[Ma
     between = cv2.Rodrigues(c.rotation)[0]
     composed = cv2.composeRT(turn, place, between, c.translation.reshape(3, 1))
     right_turn, right_place = (np.asarray(part, np.float64) for part in composed[:2])
-    # Of the right pose by the board's and by that between the cameras: rotations first.
+    # The slopes of the right pose: by the board's pose, and by the pose between the cameras. Rotations stand first.
     by_board = np.block([[composed[2], composed[3]], [composed[6], composed[7]]])
     by_rig = np.block([[composed[4], composed[5]], [composed[8], composed[9]]])
     slopes = np.zeros((4 * view.count, len(NAMES) + POSE))

@@ -17,8 +17,9 @@ PLACES = (
     *("left", "middle", "middle", "right"),
     *("bottom left", "bottom", "bottom", "bottom right"),
 )
-WIDEST_EDGE_SHARE, WIDEST_EDGE_PX = 0.006, 4.0  # of a sharp step, as a share of the width, and at least
-STILL_SHARE = 0.004  # of the width, from a frame to the next
+# A view is blurred where edges are wider than this share of the picture's width, and wider than so many px.
+WIDEST_EDGE_SHARE, WIDEST_EDGE_PX = 0.006, 4.0
+STILL_SHARE = 0.004  # a board that moves no farther from a frame to the next, as a share of the width, is held still
 # A view is new where it differs so much from each one before: place, size (logarithm), tilt about both axes.
 NEW = np.array([0.12, 0.12, 0.2, 0.07, 0.07])
 LEAST_TILT = 0.15  # between the views tilted most, each way: logarithm of the ratio of opposite sides

@@ -179,7 +179,7 @@ def _shares(job: _Job, missing: list[PairFiles], workers: int, ray: bool) -> Ite
         raise InferenceFailed("workers", rule, error) from error
 
 
-# Of this process: loading a model anew for every share would cost more than running it.
+# Each process keeps its last estimator: loading a model anew for every share would cost more than running it.
 _estimators: dict[tuple[object, ...], DepthEstimator] = {}
 
 

@@ -43,7 +43,8 @@ OTHER_FRAMES = 100  # at most: their spread is small, and they need not double t
 # answers which were ready before the clock started.
 STREAM_FRAMES = 5
 
-# Given its parent; ends when that is gone, killed for instance.
+# A program that keeps one processor busy. It is told the number of the process that started it, and ends when that
+# process is gone, even if it was killed.
 BUSY = """
 import os, sys
 while os.getppid() == int(sys.argv[1]):

@@ -54,7 +54,7 @@ def points_in_raw_left_camera(geometry: RectifiedGeometry, points: npt.ArrayLike
 def valid_region(calibration: StereoCalibration, alpha: float = 0.0) -> tuple[int, int, int, int]:
     """Return (x, y, width, height) of the largest rectangle in the rectified left view that both cameras cover.
 
-    Of all its pixels both rectified views, at the same place, have a source.
+    At every pixel in it, both rectified views have a source in their raw view.
     """
     x, y, width, height = _pixel_map(calibration, alpha).region()
     return x, y, width, height

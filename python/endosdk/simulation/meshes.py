@@ -1,4 +1,4 @@
-"""From shapes to triangle meshes, by real displacement and with texture coordinates that follow arc length."""
+"""Turn shapes into triangle meshes, with real displacement and with texture coordinates that follow arc length."""
 
 from __future__ import annotations
 

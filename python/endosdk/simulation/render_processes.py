@@ -39,7 +39,7 @@ def render_on_ray(job: Job, tasks: list[Task], workers: int) -> Iterator[int]:
     yield from work_on_ray(partial(_render, job), tasks, workers)
 
 
-# Of this worker process: starting a renderer anew for every sample would cost more than drawing it.
+# Each worker process keeps its renderers: starting one anew for every sample would cost more than drawing it.
 _renderers: dict[str, Renderer] = {}
 
 

@@ -25,8 +25,8 @@ BASELINE_MM = (3.5, 10.0)
 CENTRE_SHARE = (0.06, 0.08)  # largest deviation of the principal point from the middle, of width and of height
 ASPECTS = ((4, 3), (5, 4), (16, 9))
 NEAREST_MM, FARTHEST_MM = 12.0, 250.0
-OBJECTS_FARTHEST_MM = 2500.0  # of scenes without anatomy, which shall reach down to no disparity at all
-WIDEST_DISPARITY = 0.25  # of the frame width; what a set of drawn rigs reaches unless another limit is given
+OBJECTS_FARTHEST_MM = 2500.0  # scenes without anatomy shall reach down to no disparity at all
+WIDEST_DISPARITY = 0.25  # share of the frame width that a set of drawn rigs reaches unless another limit is given
 # What a scene shows, and how often: its farthest and its nearest surface, on a logarithmic scale from the farthest that
 # the rig can see, 0, to the nearest, 1.
 Spans = dict[str, tuple[float, tuple[float, float], tuple[float, float]]]
@@ -52,8 +52,8 @@ class SceneRig:
     centre: tuple[float, float]  # principal point of both views, px
     span: str  # name of what the scene shows
     farthest: float
-    nearest: float  # of organs, or of objects
-    limit: float  # of all, instruments included
+    nearest: float  # no organ or object comes nearer
+    limit: float  # nothing comes nearer, not even an instrument
 
     def pair(self) -> RectifiedPair:
         """Return the two views."""

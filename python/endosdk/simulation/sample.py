@@ -1,4 +1,4 @@
-"""From a seed to one finished stereo sample: build the scene, find a pose, draw both views, take the truth."""
+"""Make a finished stereo sample from a seed: build the scene, find a pose, draw both views, take the truth."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ MIXTURES = {
     "mix": {"intestine": 0.28, "stomach": 0.17, "ducts": 0.1, "abdomen": 0.45},
     "lap": {"abdomen": 0.7, "stomach": 0.12, "intestine": 0.12, "ducts": 0.06},
 }
-LAP = "lap"  # of the mixtures, that with instruments near the lens, see tools
+LAP = "lap"  # the mixture that has instruments near the lens, see tools
 SHAPES = "shapes"  # scenes without any organ, see objects
 INSTRUMENT_SHARE = 0.25
 # Nearest surface of a scene, as a share of the largest disparity allowed: mostly close, as in life.

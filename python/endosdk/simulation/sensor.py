@@ -1,4 +1,4 @@
-"""From light to 8-bit pictures: exposure, differences between the two chips, noise and compression."""
+"""Turn light into 8-bit pictures: exposure, differences between the two chips, noise and compression."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ from endosdk.io.picture_pairs import ENDINGS
 from endosdk.simulation.noise import Array
 
 SMALLEST_SIDE = 64  # px
-PICTURE_MM = 40.0  # of tissue that the longer side of a picture covers: longer than any baseline, so no repeat matches
-LAMP_SHARE = 0.2  # of the longer side: what changes more slowly is taken for the lamp that lit the picture
+PICTURE_MM = 40.0  # the longer side of a picture covers so much tissue: more than any baseline, so no repeat matches
+LAMP_SHARE = 0.2  # what changes over more than this share of the longer side is taken for the lamp of the picture
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from endosdk.training.config import INHERITED, TrainConfig
 from endosdk.training.networks import StereoNetwork, build_network
 
 LAST = "last.safetensors"
-DONE = 2 / 3  # of the steps of a recipe: from there on go the rates of a run that starts from its weights
+DONE = 2 / 3  # a run that starts from the weights of a recipe has the rates after this share of its steps
 FORMAT = "1"
 MOST_RUNS = 20  # that the notes of a run tell of: what nests much deeper is refused when it is read
 

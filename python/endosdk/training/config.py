@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from endosdk import _core
 from endosdk.errors import InvalidArgument
 from endosdk.training.looks import LOOKS
 
@@ -24,7 +25,7 @@ INHERITED = (
 ).split()
 LISTS = ("data", "looks", "crop", "refine_crop")
 LARGEST = 10**9
-DROP_AFTER = 2 / 3  # of the steps: AnyNet's authors drop the rate after 200 of 300 epochs
+DROP_AFTER = 2 / 3  # share of the steps: AnyNet's authors drop the rate after 200 of 300 epochs
 # What each number must lie within, ends included.
 RANGES = {
     "max_disparity": (1, LARGEST),
@@ -50,7 +51,7 @@ RANGES = {
     "log_every": (1, LARGEST),
     "validate_every": (1, LARGEST),
     "checkpoint_minutes": (0, LARGEST),
-    "threads": (1, 256),
+    "threads": (1, _core.max_threads),
 }
 
 
@@ -168,7 +169,7 @@ class TrainConfig:
         """Rebuild from `as_dict`, perhaps after a way through JSON."""
         known = {f.name for f in fields(cls)}
         unknown = sorted(set(values) - known)
-        if isinstance(values.get("data"), str):  # of a checkpoint from before a run could learn from several sets
+        if isinstance(values.get("data"), str):  # older checkpoints name the only set that a run could learn from
             values = {**values, "data": [values["data"]] if values["data"] else []}
         if unknown:
             raise InvalidArgument("config", f"must hold only the fields {', '.join(sorted(known))}", unknown)

@@ -1,4 +1,4 @@
-"""From a trained network to the one file that is deployed."""
+"""Export a trained network to the one file that is deployed."""
 
 from __future__ import annotations
 

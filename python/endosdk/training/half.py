@@ -1,4 +1,4 @@
-"""From an exported float model to one that computes in 16-bit floats, for graphics cards.
+"""Convert an exported float model to one that computes in 16-bit floats, for graphics cards.
 
 Inputs and outputs keep their types. What turns costs into disparity stays in 32 bits: the softmax, the sum over planes,
 every logarithm and exponential of the confidence, and the enlargement of the answer. So does all that looks into the
@@ -64,7 +64,7 @@ def _drop_round_trips(graph: onnx.GraphProto) -> None:
             node.input[slot] = whole.get(name, name)
     kept: list[onnx.NodeProto] = []
     read = {value.name for value in graph.output}
-    for node in reversed(graph.node):  # from the end, so that a cast that only dead casts read goes with them
+    for node in reversed(graph.node):  # backwards: a cast that only dropped casts read is dropped too
         if node.op_type != "Cast" or node.output[0] in read:
             kept.append(node)
             read.update(node.input)

@@ -11,7 +11,8 @@ from torch.optim.adamw import adamw
 
 from endosdk.training.config import TrainConfig
 
-# Of the quintic x (a + b x^2 + c x^4), which brings every singular value of 0..1 near to 1 in five rounds.
+# These are a, b and c of the quintic x (a + b x^2 + c x^4), which brings every singular value of 0..1 near to 1 in five
+# rounds.
 QUINTIC = (3.4445, -4.7750, 2.0315)
 ROUNDS = 5
 ADAMW_SIZE = 0.2  # how much AdamW usually moves a weight, as a share of the rate: so both go by the same rate

@@ -1,4 +1,4 @@
-"""From an exported float model to one that computes its large layers in 8-bit integers.
+"""Convert an exported float model to one that computes its large layers in 8-bit integers.
 
 Static quantisation in the QDQ form of ONNX: weights signed per channel, so small that sums of products saturate on no
 processor; activations unsigned per tensor, with ranges measured on rendered frames. The costs are products of 8-bit

@@ -46,7 +46,7 @@ def ranges_of(known: onnx.GraphProto, graph: onnx.GraphProto, nodes: Collection[
                 rule = "must be an 8-bit file of the network that is exported"
                 raise InvalidArgument("ranges_of", rule, f"no 8-bit layer with the weights {weights}")
             found[node.input[0]] = read[weights]
-        if weights in given:  # of a layer in floats, too, whose result joins those of others
+        if weights in given:  # a layer in floats has a range, too, where its result joins those of others
             found[node.output[0]] = given[weights]
     while _spread(graph, found):
         pass

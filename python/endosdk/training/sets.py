@@ -74,7 +74,7 @@ def _film_start(part: DatasetReader, border: int) -> int:
 def split_pairs(reader: DatasetReader, config: TrainConfig) -> tuple[list[int], list[int]]:
     """Return the indices trained on and those held out: of every set the last ones of its split.
 
-    Of a film from which pairs are held out no frame is trained on: its frames resemble each other. So the pairs held
+    The frames of a film resemble each other, so a film with pairs held out is not trained on at all: the pairs held
     out of a set of films are spread over its last films, and one film at least is trained on. A set that is one film
     is split all the same, with a warning in the log ``endosdk``. Raises InvalidArgument when there are not as many
     pairs as the settings ask for.

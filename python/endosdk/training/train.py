@@ -39,7 +39,7 @@ from endosdk.training.upsampling import on_input_grid
 from endosdk.training.validation import mean_errors
 
 LOG = logging.getLogger("endosdk")
-CROPS_WITHOUT_STEPS = 8  # of a pair
+CROPS_WITHOUT_STEPS = 8  # from each pair, where a run of no steps fits the confidence alone
 COUNTED_PAIRS = 64  # so many tell how much truth lies beyond the range
 # What is measured beside the training, every `validate_every` steps; it is told whether the refinement is computed yet.
 Watch = Callable[[StereoNetwork, bool], dict[str, float]]
@@ -325,7 +325,8 @@ class Run:
         if self.rank == 0 and self.held_out:
             seed = self.config.seed
             if self.network.confidence.surveyor is not None:
-                # From as many as the run has drawn; from several of each pair where this is all that the run is for.
+                # It learns from as many crops as the run has drawn. A run of no steps is there for this alone: it takes
+                # several crops of each pair.
                 drawn = self.config.steps * self.config.batch or CROPS_WITHOUT_STEPS * len(self.train_pairs)
                 teach_surveyor(self.network, self.crops, min(drawn, MOST_CROPS), seed)
             spoilt = self._crops_of(self.held_out) if self.config.looks else None

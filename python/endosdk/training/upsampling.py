@@ -15,7 +15,8 @@ from endosdk.training.networks.confidence import log_scale_of
 
 REACH = _core.upsampling_reach  # cells, along each axis, from which on a cell counts for nothing
 UNLIKE = _core.upsampling_unlike  # sum of the differences of three channels from which a cell looks quite different
-LEAST_LIKENESS = _core.upsampling_least_likeness  # of such a cell: with no alike cell around, all count as they lie
+# A cell that looks quite different counts so much: where no cell around is alike, all count as they lie.
+LEAST_LIKENESS = _core.upsampling_least_likeness
 LEAST_TRUST, MOST_TRUST = 1e-6, 13.8  # what the logarithm of a confidence in 32-bit floats can tell
 
 

@@ -20,7 +20,7 @@ from endosdk.errors import DatasetInvalid
 from endosdk.io.bounded_read import Refused
 from endosdk.io.picture_bytes import read_picture
 
-_TEST_SETS = (8, 9)  # of the challenge
+_TEST_SETS = (8, 9)  # those that the challenge was judged on
 _SAME_SURFACE_PX = 0.5
 
 
@@ -106,7 +106,7 @@ def _video_frame(path: Path, index: int) -> tuple[NDArray[np.uint8], NDArray[np.
 
 
 def _maps(rig: StereoCalibration, geometry: RectifiedGeometry) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """For both views, where in the raw one each rectified pixel looks: float32 [H, W, 2], column then row."""
+    """Return where in its raw view each rectified pixel looks, left and right: float32 [H, W, 2], column then row."""
     import cv2
 
     size = (geometry.width, geometry.height)

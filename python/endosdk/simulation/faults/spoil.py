@@ -130,7 +130,7 @@ def _before_the_chip(
     view = recolour(view, faults.look, (*seed, 2))
     own = truth[eye]
     if faults.smoke is not None:
-        # Without truth of its own, the right eye's smoke is that of the middle depth.
+        # An eye without truth of its own gets the smoke before a plane at the median of the left eye's depth.
         depth = own if own is not None else np.full(view.shape[:2], np.nanmedian(truth[0]), np.float32)
         view = add_smoke(view, depth, eye, faults.smoke, (*seed, 3))
     view = add_glints(view, truth[0], eye, faults.glints) if faults.glints else view

@@ -1,4 +1,4 @@
-"""From a seed to one finished pair of objects, with exact truth for both views."""
+"""Make a finished pair of objects from a seed, with exact truth for both views."""
 
 from __future__ import annotations
 

@@ -51,8 +51,8 @@ from endosdk.training.networks.photometric import brightness
 from endosdk.training.networks.surroundings import Surroundings
 
 HALVED = 2  # cells of the matching grid, which are CELL px and as far apart as disparity planes, per cell of the volume
-# Of the correction, the belief in the step, and the gates to the nearest and the farthest surface around: it believes
-# the pictures, adds nothing, and hardly opens the gates.
+# The refinement begins with these outputs: its correction, its belief in the step, and its gates to the nearest and the
+# farthest surface around. So it adds no correction, believes the pictures, and hardly opens the gates.
 START = 0.0, 1.0, -3.0, -3.0
 WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the other hints
 NEARBY = 5, 13  # cells, along each axis, within which the confidence looks for jumps of the disparity
@@ -89,7 +89,7 @@ class Fast(StereoNetwork):
     output_stride = STRIDE
     plane_step = CELL
     inference_width = 480
-    default_crop = (256, 384)  # of frames of 4:3, which it sees 360 px high
+    default_crop = (256, 384)  # it fits into frames of 4:3, which the network sees 360 px high
 
     def __init__(
         self,
@@ -134,7 +134,8 @@ class Fast(StereoNetwork):
         part = "aggregation.surroundings."
         planes = candidate_planes(max_disparity, dense_disparity)
         if planes == self.planes or not any(name.startswith(part) for name in weights):
-            return weights  # of another release where there are none: what loads them names what is missing
+            # Weights of another release may have no surroundings: what loads them names what is missing.
+            return weights
         return weights | {
             part + name: value
             for name, value in self.aggregation.surroundings.with_planes(

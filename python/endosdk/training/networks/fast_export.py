@@ -238,7 +238,7 @@ def _outputs_of(conv: nn.Conv2d, outputs: slice) -> nn.Conv2d:
 
 
 def _over_pairs(conv: nn.Conv2d) -> nn.Conv2d:
-    """From the convolution over [previous, this, next] plane make the one over [previous, both of a pair, next]."""
+    """Turn a convolution over [previous, this, next] plane into one over [previous, both of a pair, next]."""
     assert conv.bias is not None
     outputs, inputs = conv.out_channels, conv.in_channels // 3
     paired = nn.Conv2d((PAIR + 2) * inputs, PAIR * outputs, 3, padding=1)
