@@ -323,8 +323,8 @@ typedef struct endo_result {
     float *sigma;                     /* expected absolute error of depth, mm: the scale of a Laplace law, about two thirds
                                          of the errors are smaller; NaN as depth */
     uint8_t *reasons;                 /* endo_reason bits; 0: the pixel is valid */
-    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px, 0 where reasons are set, at most 65535 */
-    uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm, 0 where reasons are set, at most 65535 */
+    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px; 0: no value, as reasons are set, or more than 65535 steps */
+    uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm; 0 as in disparity_u16 */
     uint64_t frame;                   /* out: counts the frames of this estimator from 1; 0 when the call failed */
     double valid_share;               /* out: share of pixels that are valid */
     double rectify_ms;                /* out: time of each stage; a size's first frame builds its maps here */

@@ -14,8 +14,9 @@ constexpr int pixels_per_block = 16384;
 void write_steps(const float* values, const uint8_t* reasons, int begin, int end, float steps, uint16_t* out) {
   for (int i = begin; i < end; ++i) {
     const float value = reasons[i] == 0 ? values[i] * steps + 0.5f : 0.0f;
-    // With principal points apart a disparity may be negative; the format has no such numbers.
-    out[i] = static_cast<uint16_t>(std::clamp(value, 0.0f, 65535.0f));
+    // A value that 16 bits cannot hold would read as another one: a far point as a near one. With principal points apart a
+    // disparity may also be negative.
+    out[i] = static_cast<uint16_t>(value >= 0.0f && value < 65536.0f ? value : 0.0f);
   }
 }
 

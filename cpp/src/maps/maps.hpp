@@ -90,7 +90,8 @@ class SpareMaps {
   std::vector<uint8_t> reasons_;
 };
 
-// Writes the 16-bit maps from the others: disparity in steps of 1/256 px, depth in steps of depth_unit_mm.
+// Writes the 16-bit maps from the others: disparity in steps of 1/256 px, depth in steps of depth_unit_mm. 0 where there is no
+// answer, and where 16 bits cannot hold it.
 void write_u16(const MapsOut& maps, size_t pixels, double depth_unit_mm);
 
 // Takes back what was found for a frame that must not be used: no pixel is valid, and the reasons that were found stay.

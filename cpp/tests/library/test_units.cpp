@@ -1,9 +1,11 @@
 // The small parts that the library has and the kernels have not: SHA-256, JSON, latency histogram.
 #include <cmath>
+#include <vector>
 
 #include "../check.hpp"
 #include "platform/json.hpp"
 #include "frame_path/latency.hpp"
+#include "maps/maps.hpp"
 #include "platform/sha256.hpp"
 
 using namespace endosdk;
@@ -25,6 +27,20 @@ void sha256_pads_at_every_length() {
   std::string digests;
   for (size_t length = 0; length < 130; ++length) digests += hash(std::string(length, 'x'));
   CHECK(hash(digests) == "199af942eba7fa5d1e16d475169eb24018b14e69339c93d26a9ea6d873b4ace6");
+}
+
+// A clamped value would read as another one: a surface at 300 px as one at 256 px.
+void what_16_bits_cannot_hold_reads_as_no_value() {
+  std::vector<float> disparity = {0.0f, 1.0f, 255.99f, 255.999f, 300.0f, 1e30f, -3.0f, no_number, 2.0f};
+  std::vector<float> depth(disparity.size(), 6553.5f);
+  depth[1] = 6553.6f;
+  depth[2] = no_number;
+  std::vector<uint8_t> reasons = {0, 0, 0, 0, 0, 0, 0, 0, 1};
+  std::vector<uint16_t> steps(disparity.size(), 7);
+  std::vector<uint16_t> tenths(disparity.size(), 7);
+  write_u16({disparity.data(), nullptr, depth.data(), nullptr, reasons.data(), steps.data(), tenths.data()}, steps.size(), 0.1);
+  CHECK((steps == std::vector<uint16_t>{0, 256, 65533, 0, 0, 0, 0, 0, 0}));
+  CHECK((tenths == std::vector<uint16_t>{65535, 0, 0, 65535, 65535, 65535, 65535, 65535, 0}));
 }
 
 void json_syntax_is_told_from_other_text() {
@@ -92,6 +108,7 @@ void quantiles_are_close_and_never_below() {
 int main() {
   sha256_gives_the_published_digests();
   sha256_pads_at_every_length();
+  what_16_bits_cannot_hold_reads_as_no_value();
   json_syntax_is_told_from_other_text();
   numbers_read_like_pythons();
   text_is_escaped();
