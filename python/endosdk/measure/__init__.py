@@ -16,11 +16,13 @@ from endosdk.measure.geometry import (
     valid_region,
 )
 from endosdk.measure.lengths import Measured, Point, distance, path_length, point_at
+from endosdk.measure.raw_left_view import RawLeftView
 
 __all__ = [
     "Area",
     "Measured",
     "Point",
+    "RawLeftView",
     "area",
     "distance",
     "path_length",
