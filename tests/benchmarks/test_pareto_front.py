@@ -62,7 +62,7 @@ def check_readable(points):
 
 def test_names_of_the_record_stand_beside_their_points():
     nearest, _ = check_readable(json.loads(RECORD.read_text())["points"])
-    assert all(name == other for name, other in nearest.items())
+    assert nearest and all(name == other for name, other in nearest.items())
 
 
 @pytest.mark.parametrize("points", [scattered(seed) for seed in range(5, 13)])

@@ -48,7 +48,9 @@ def test_a_row_of_an_earlier_file_of_the_same_weights_has_a_mark_of_its_own(tmp_
 
 
 def test_files_that_are_called_earlier_ones_give_the_same_answers():
-    for name, found in records.read("speed/earlier_files")["models"].items():
+    models = records.read("speed/earlier_files")["models"]
+    assert models
+    for name, found in models.items():
         one, other = found["epe_px"].values()
         assert abs(one - other) < 0.002 and found["validity_differs"] < 0.005, name
         assert found["model_sha256"] in records.shipped()

@@ -207,9 +207,11 @@ def numbers_of(body: list[ast.stmt]) -> tuple[list[ast.expr], list[ast.expr]]:
 
 
 def test_the_stub_has_the_module_s_argument_names() -> None:
-    for node in ast.parse(STUB.read_text()).body:
-        if isinstance(node, ast.FunctionDef) and node.args.args:
-            signature = getattr(_core, node.name).__doc__.splitlines()[0]
-            arguments = signature[signature.index("(") + 1 :]
-            for argument in node.args.args:
-                assert f"{argument.arg}: " in arguments, (node.name, argument.arg)
+    body = ast.parse(STUB.read_text()).body
+    functions = [node for node in body if isinstance(node, ast.FunctionDef) and node.args.args]
+    assert functions
+    for node in functions:
+        signature = getattr(_core, node.name).__doc__.splitlines()[0]
+        arguments = signature[signature.index("(") + 1 :]
+        for argument in node.args.args:
+            assert f"{argument.arg}: " in arguments, (node.name, argument.arg)

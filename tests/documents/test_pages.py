@@ -27,6 +27,19 @@ ELSEWHERE = {"docs/python.md": "tests/documents/test_python_page.py"}
 pages = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 
+def links(page):
+    """Files that a page links to, as it names them."""
+    text = FENCE.sub("", page.read_text())
+    return [target for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text) if "://" not in target]
+
+
+def test_commands_python_and_links_are_found():
+    """Many pages have none of one kind: what finds them must not find nothing at all."""
+    assert "docs/python.md" in links(ROOT / "README.md")
+    assert blocks(ROOT / "docs/python.md", "python")
+    assert {words[0] for page in PAGES for words in commands(page)} == set(VERBS)
+
+
 @pages
 def test_no_sentence_is_too_long(page):
     long = [sentence for sentence in sentences(page) if len(sentence.split()) > MOST_WORDS]
@@ -90,10 +103,8 @@ def test_python_runs_in_order(page, bench, monkeypatch):
 
 @pages
 def test_links_lead_to_files(page):
-    text = FENCE.sub("", page.read_text())
-    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-        if "://" not in target:
-            assert (page.parent / target).exists(), target
+    for target in links(page):
+        assert (page.parent / target).exists(), target
 
 
 def test_every_page_is_in_the_index():

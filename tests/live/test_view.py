@@ -81,7 +81,9 @@ def test_it_listens_on_the_loopback_address_alone(served):
 
 def test_the_page_asks_nothing_of_others():
     folder = ROOT / "python" / "endosdk" / "live" / "viewer" / "page"
-    for path in folder.iterdir():
+    files = list(folder.iterdir())
+    assert "index.html" in {path.name for path in files}
+    for path in files:
         assert "http://" not in path.read_text().replace("ws://", "")
         assert "https://" not in path.read_text()
 

@@ -105,8 +105,8 @@ def test_no_more_pairs_are_in_flight_than_there_are_threads():
 def test_predict_between_two_frames_does_not_disturb_the_stream():
     estimator = DepthEstimator(TINY_MODEL)
     expected = [estimator.predict(*pair).disparity for pair in pairs()]
-    for number, result in enumerate(estimator.stream(pairs())):
-        np.testing.assert_array_equal(result.disparity, expected[number])
+    for answer, result in zip(expected, estimator.stream(pairs()), strict=True):
+        np.testing.assert_array_equal(result.disparity, answer)
         np.testing.assert_array_equal(estimator.predict(*pairs()[0]).disparity, expected[0])
         assert estimator.predict(*shifted_pair(64, 128, 4)).disparity.shape == (64, 128)
 

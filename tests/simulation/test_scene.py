@@ -35,7 +35,9 @@ def test_same_scene_gives_the_same_poses() -> None:
 
 
 def test_pose_axes_are_a_rotation() -> None:
-    for pose in islice(candidate_poses(draw_scene(3, "stomach")), 8):
+    poses = list(islice(candidate_poses(draw_scene(3, "stomach")), 8))
+    assert len(poses) == 8
+    for pose in poses:
         np.testing.assert_allclose(pose.axes @ pose.axes.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(pose.axes) == pytest.approx(1.0)
 

@@ -91,5 +91,7 @@ def test_the_gradient_reaches_all_that_learns(kind, exported):
     round_to_bytes(network)
     left, right = (torch.randint(0, 256, (1, 3, 64, 192)).float() for _ in range(2))
     network(left, right).disparities[-1].sum().backward()
-    for name, parameter in network.refinement.named_parameters():
+    learning = dict(network.refinement.named_parameters())
+    assert learning
+    for name, parameter in learning.items():
         assert parameter.grad is not None and parameter.grad.abs().sum() > 0, name
