@@ -261,6 +261,8 @@ def test_a_rectified_rig_with_principal_points_apart_sees_beyond_disparity_zero(
     assert np.nanmedian(inner(result.depth)) == pytest.approx(200.0 * 5.0 / (disparity + doffs), rel=0.03)
     assert np.mean(inner(result.reasons) == 0) > 0.8
     assert result.geometry.doffs == doffs
+    # The network's right view is moved by doffs; the one that goes with the maps is not.
+    np.testing.assert_array_equal(np.stack(estimator.rectify(left, right)), np.stack([left, right]))
 
 
 def test_rectify_gives_pictures_under_the_maps(pair):

@@ -359,13 +359,14 @@ ENDO_API endo_status endo_prepare(endo_estimator *estimator, int32_t width, int3
 ENDO_API endo_status endo_predict(endo_estimator *estimator, const endo_image *left, const endo_image *right,
                                   endo_result *result);
 
-/* Rectify one pair at its own size, as tight RGB rows: what its maps lie over. Either output may be NULL. capacity: bytes
-   that each output can hold. */
+/* Rectify one pair at its own size, as tight RGB rows: what its maps lie over, with x_right = x_left - disparity. Either
+   output may be NULL. capacity: bytes that each output can hold. */
 ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *left, const endo_image *right,
                                   uint8_t *rectified_left, uint8_t *rectified_right, size_t capacity);
 
 /* Copy the latest pair as the network saw it, tight RGB rows at the network's size, which endo_get_diagnostics states; NULL:
-   not wanted. capacity: bytes that each output can hold. */
+   not wanted. capacity: bytes that each output can hold. The right view of a rectified rig with doffs of more than 0.5 px
+   lies doffs further left here. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
 /* Make the calls that are running, and the frames in flight, end with ENDO_CANCELLED soon. From any thread. */

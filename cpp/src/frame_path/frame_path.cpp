@@ -248,7 +248,7 @@ void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, si
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   if (!full_ || full_->frame() != size) {
     const Work work(cancelling_);
-    full_ = std::make_shared<const RectifyStage>(size, calibration().get(), size, [&] { work.check(); });
+    full_ = std::make_shared<const RectifyStage>(size, calibration().get(), std::nullopt, [&] { work.check(); });
   }
   write_rectified(*full_, pair, left, right);
 }

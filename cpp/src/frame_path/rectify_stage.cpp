@@ -32,7 +32,7 @@ double RectifyStage::right_shift_of(const Rig* rig) {
 
 RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> network,
                            const std::function<void()>& checkpoint, const PoseVector& corrected)
-    : frame_(frame), picture_(network.value_or(frame)), corrected_(corrected), right_shift_(right_shift_of(rig)),
+    : frame_(frame), picture_(network.value_or(frame)), corrected_(corrected), right_shift_(network ? right_shift_of(rig) : 0.0),
       moves_(rig != nullptr && (!rig->is_rectified() || right_shift_ > 0.0 || corrected != PoseVector{})) {
   require(frame.width > 0 && frame.height > 0, ENDO_INVALID_ARGUMENT, "size", "must be at least 1x1", frame);
   require(rig == nullptr || rig->size() == frame, ENDO_CALIBRATION_SIZE_MISMATCH, "calibration",

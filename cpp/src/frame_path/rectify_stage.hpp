@@ -17,8 +17,9 @@ class RectifyStage {
  public:
   // Raw frames of a rig are rectified; frames without a rig, or of a rectified one, are only repacked, or resized when
   // the network works at another size. A rectified rig whose principal points lie apart sees what is beyond
-  // focal * baseline / doffs at negative disparities, which no network finds: its right view is moved by doffs. Maps of large frames take a while: `checkpoint` is called between them, and may
-  // throw.
+  // focal * baseline / doffs at negative disparities, which no network finds: its right view is moved by doffs. Without a
+  // network the pictures are those that the maps lie over, at their own size, and nothing is moved.
+  // Maps of large frames take a while: `checkpoint` is called between them, and may throw.
   // `corrected`: turns of the right camera against its calibration that the rectification undoes; they need a rig.
   RectifyStage(Size frame, const Rig* rig, std::optional<Size> network, const std::function<void()>& checkpoint,
                const PoseVector& corrected = {});

@@ -139,6 +139,32 @@ void the_rectified_pair_can_be_seen(const Places& at) {
   expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "no frame yet");
 }
 
+// A rectified rig with principal points apart: the network's right view is moved, but not the one that the maps go with.
+void a_rectified_pair_comes_back_as_it_is(const Places& at) {
+  const Opened estimator(at);
+  endo_calibration rig = raw_rig(width, height);
+  rig.left_distortion_count = rig.right_distortion_count = 0;
+  std::fill_n(rig.left_distortion, 8, 0.0);
+  std::fill_n(rig.right_distortion, 8, 0.0);
+  rig.translation[1] = 0.0;
+  rig.right_matrix[2] += 6.0;
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  endo_geometry geometry{};
+  geometry.struct_size = sizeof geometry;
+  CHECK(endo_get_geometry(estimator.get(), &geometry) == ENDO_OK && geometry.rectifies == 0 && geometry.doffs == 6.0);
+  const Pair pair(width, height, 9);
+  const endo_image l = pair.left_image();
+  const endo_image r = pair.right_image();
+  std::vector<uint8_t> left(3 * pixels);
+  std::vector<uint8_t> right(3 * pixels);
+  CHECK(endo_rectify(estimator.get(), &l, &r, left.data(), right.data(), left.size()) == ENDO_OK);
+  CHECK(left == pair.left && right == pair.right);
+  Output out(pixels);
+  CHECK(estimator.predict(pair, out) == ENDO_OK && std::fabs(middle(out.disparity) - 9.0f) < 0.5f);
+  CHECK(endo_get_rectified(estimator.get(), left.data(), right.data(), left.size()) == ENDO_OK);
+  CHECK(left == pair.left && right != pair.right);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -149,4 +175,5 @@ int main(int argc, char** argv) {
   views_that_do_not_belong_together_are_invalid(at);
   every_layout_of_a_frame_gives_the_same(at);
   the_rectified_pair_can_be_seen(at);
+  a_rectified_pair_comes_back_as_it_is(at);
 }

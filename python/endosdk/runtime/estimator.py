@@ -279,7 +279,7 @@ class DepthEstimator:
     def rectify(self, left: Any, right: Any) -> tuple[Picture, Picture]:
         """Return a pair's rectified pictures at the size of the frame: RGB uint8 [H, W, 3] each.
 
-        Every map of the pair's result lies over the left one. Frames as `predict` takes them; what the network is shown
+        Every map of the pair's result lies over the left one; x_right = x_left - disparity. Frames as `predict` takes them; what the network is shown
         is smaller as a rule, see `rectified_pair`.
         """
         return self._path.rectify(*check_pair(left, right))
@@ -288,8 +288,8 @@ class DepthEstimator:
     def rectified_pair(self) -> tuple[Picture, Picture]:
         """Return copies of the latest frame's rectified pictures, as the network saw them: RGB uint8 [h, w, 3] each.
 
-        The right view of a rectified rig with positive doffs lies doffs further left than it came, here and in
-        `rectify`; disparities are those of the pictures that came.
+        The right view of a rectified rig whose doffs is more than 0.5 px lies doffs further left here than it came;
+        disparities are those of the pictures that came, and of `rectify`.
         """
         return self._path.rectified()
 
