@@ -109,11 +109,18 @@ def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done,
 
 
 def test_one_word_names_both_folders(archive, done, tmp_path, capsys):
-    words = {"folder": str(archive), "two": f"{archive / 'left'},{archive / 'right'}"}
+    mixed = tmp_path / "mixed"
+    mixed.mkdir()
+    for picture in archive.glob("*/*.png"):
+        shutil.copy(picture, mixed)
+    words = {"folder": str(archive), "two": f"{archive / 'left'},{archive / 'right'}", "one": str(mixed)}
     for name, word in words.items():
         assert main(["batch", word, "--out", str(tmp_path / name), "--threads", "1"]) in (0, 1)
         assert sorted(path.name for path in (tmp_path / name / "pairs").iterdir()) == sorted(NAMES)
     assert main(["batch", str(archive / "left"), "--out", str(tmp_path / "none")]) == 2
+    assert "frame_002_left.png and 7 more without a partner" in capsys.readouterr().err
+    (tmp_path / "empty").mkdir()
+    assert main(["batch", str(tmp_path / "empty"), "--out", str(tmp_path / "none")]) == 2
     assert "source: must be LEFT,RIGHT, two folders, or a folder with left and right" in capsys.readouterr().err
 
 

@@ -56,6 +56,18 @@ def test_folders_by_one_word_or_two(tmp_path):
         assert [frame.stamp_ns for frame in frames] == [n * 100_000_000 for n in range(5)]
 
 
+def test_one_folder_with_the_sides_in_the_names(tmp_path):
+    root = folders(tmp_path)
+    for side in ("left", "right"):
+        for path in (root / side).iterdir():
+            path.rename(root / f"frame{path.stem}_{side}.png")
+        (root / side).rmdir()
+    check(list(endosdk.open_source(root)))
+    (root / "frame001_left.png").unlink()
+    with pytest.raises(InvalidArgument, match=r"such as f7_left.png .*frame001_right.png without a partner"):
+        endosdk.open_source(root)
+
+
 @pytest.mark.parametrize("layout", ["side-by-side", "top-bottom"])
 def test_a_lossless_video_gives_the_very_pixels(tmp_path, layout):
     joined = [np.hstack(pair) if layout == "side-by-side" else np.vstack(pair) for pair in PAIRS]

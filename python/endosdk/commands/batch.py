@@ -19,7 +19,7 @@ from endosdk.commands.report import Report
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("left", help="folder of left images; or one folder that contains left and right; or LEFT,RIGHT")
+    parser.add_argument("left", help="folder of left images; or one folder with both sides; or LEFT,RIGHT")
     parser.add_argument("right", nargs="?", help="folder of right images, with the same numbers in their names")
     parser.add_argument("--out", type=Path, required=True, help="output folder; an unfinished batch is continued")
     add_model(parser)

@@ -15,8 +15,8 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     """Declare the source and how it is read."""
     parser.add_argument(
         "source",
-        help="folder with left and right, LEFT,RIGHT (folders or videos), a video, /dev/videoN, - (standard input), "
-        "a recording, a ROS bag",
+        help="folder with left and right, or with NAME_left and NAME_right images; LEFT,RIGHT (folders or videos), "
+        "a video, /dev/videoN, - (standard input), a recording, a ROS bag",
     )
     add_reading(parser)
 

@@ -21,7 +21,8 @@ def open_source(
     """Open a source of stereo frames by one word.
 
     Args:
-        word: what to read. A folder that holds ``left`` and ``right``, or ``LEFT,RIGHT``: two folders of pictures. A
+        word: what to read. A folder that holds ``left`` and ``right``, or ``LEFT,RIGHT``: two folders of pictures. One
+            folder of pictures whose names differ in the side alone, such as ``f7_left.png`` and ``f7_right.png``. A
             video file, or two. ``/dev/video0``: a camera or capture card, or two. ``-``: standard input, Y4M or (with
             ``raw``) bare pixels. A recording of ``endosdk run``. A ``.mcap`` file, or a ROS 1 or 2 bag. A tuple of two
             is the same as two words with a comma.

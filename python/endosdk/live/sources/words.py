@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument
+from endosdk.io.picture_pairs import has_pictures
 from endosdk.live.recording.recording import Recording, is_recording
 from endosdk.live.sources.bag import Bag, is_bag
 from endosdk.live.sources.newest import Newest
@@ -26,10 +27,16 @@ def opened(word: str | Path | tuple[str | Path, str | Path], options: SourceOpti
 
 
 def two_folders(word: str | Path) -> tuple[Path, Path] | None:
-    """Return the folders of left and right views that a word names: LEFT,RIGHT, or one that holds both; else None."""
+    """Return the folders of left and right views that a word names: LEFT,RIGHT, or one that holds both; else None.
+
+    A folder that holds pictures itself is returned twice: `pair_pictures` finds the sides in their names.
+    """
     words = _parts(word)
     left, right = (Path(words[0], side) for side in ("left", "right")) if len(words) == 1 else map(Path, words)
-    return (left, right) if left.is_dir() and right.is_dir() else None
+    if left.is_dir() and right.is_dir():
+        return left, right
+    folder = Path(words[0])
+    return (folder, folder) if len(words) == 1 and folder.is_dir() and has_pictures(folder) else None
 
 
 def _parts(word: object) -> list[str]:
