@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
+import io
 import json
 import math
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import time
 from dataclasses import replace
 
@@ -24,7 +28,8 @@ from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
 from endosdk.live.recording.video_files import VideoWriter
-from endosdk.live.sources.source import Source
+from endosdk.live.sources.source import Source, SourceOptions
+from endosdk.live.sources.video_input import Piped
 from endosdk.live.viewer import Player
 from tests.conftest import TINY_MODEL
 from tests.live.videos import side_by_side, views, write
@@ -217,6 +222,86 @@ def test_an_interrupt_while_a_frame_is_written_loses_nothing_of_it(video, tmp_pa
     assert not list((tmp_path / "r").glob(".partial-*"))
     record(endosdk.open_source(video), estimator(), tmp_path / "r")
     check(tmp_path / "r")
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize("name", ["r", "r.mkv"])
+def test_an_interrupt_ends_the_recording_of_a_pipe(tmp_path, monkeypatch, name):
+    interrupted_at_picture(monkeypatch, 7)
+    source = piped(PAIRS)
+    summary = record(source, estimator(), tmp_path / name)
+    assert summary["frames"] == 3
+    assert [frame.number for frame in Recording(tmp_path / name)] == [0, 1, 2]
+    assert Recording(tmp_path / name).lines[2]["number"] == 2
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    if name == "r":
+        assert (tmp_path / "r" / "preview.mp4").is_file()
+        with pytest.raises(InvalidArgument, match="a camera or a pipe cannot be continued"):
+            record(piped(PAIRS), estimator(), tmp_path / "r")
+
+
+def piped(pairs):
+    """A pipe of Y4M."""
+    pipe = io.BytesIO()
+    write(pipe, side_by_side(pairs), "wrapped_avframe", "yuv444p", container="yuv4mpegpipe")
+    return Piped(io.BytesIO(pipe.getvalue()), SourceOptions())
+
+
+HEEDING = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from endosdk.commands.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def running(words):
+    """A command that hears control-C wherever these tests were begun."""
+    return subprocess.Popen(
+        [sys.executable, "-c", HEEDING, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_silent_pipe_can_be_ended_by_a_signal(tmp_path, number):
+    out = tmp_path / "r"
+    words = ["run", "-", "--raw", "rgb24:192x64", "--model", str(TINY_MODEL), "--threads", "1", "--out", str(out)]
+    with running(words) as command:
+        try:
+            command.stdin.write(b"".join(np.hstack(pair).tobytes() for pair in PAIRS))
+            command.stdin.flush()
+            deadline = time.monotonic() + 60
+            while not list(out.glob(".partial-*/pair.mkv")):
+                assert command.poll() is None and time.monotonic() < deadline
+                time.sleep(0.05)
+            time.sleep(1)  # until the frames that came are recorded, if the machine is not too busy
+            command.send_signal(number)
+            assert command.wait(timeout=60) == 0, command.stderr.read().decode()
+        finally:
+            command.kill()
+        assert command.stderr.read() == b""
+        frames = list(endosdk.open_source(out))
+        assert f"frames     {len(frames)}: " in command.stdout.read().decode()
+    assert np.array_equal(frames[0].left, PAIRS[0][0])
+    assert (out / "preview.mp4").is_file()
+
+
+@pytest.mark.parametrize("raw", [(), ("--raw", "rgb24:192x64")])
+def test_a_pipe_without_a_frame_can_be_interrupted(tmp_path, raw):
+    with running(["run", "-", *raw, "--model", str(TINY_MODEL), "--out", str(tmp_path / "r")]) as command:
+        try:
+            command.stdin.write(b"YUV4MPEG2 ")
+            command.stdin.flush()
+            deadline = time.monotonic() + 60
+            while struct.unpack("i", fcntl.ioctl(command.stdin, termios.FIONREAD, bytes(4))) != (0,):
+                assert command.poll() is None and time.monotonic() < deadline
+                time.sleep(0.05)
+            command.send_signal(signal.SIGINT)
+            assert command.wait(timeout=60) == 130
+        finally:
+            command.kill()
+        assert command.stderr.read() == b"endosdk run: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_leaves_what_was_written(video, tmp_path):

@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endosdk.commands.options import add_estimator, made_estimator
 from endosdk.commands.report import Report
 from endosdk.commands.sources import add_source, add_temporal, opened_source
+
+if TYPE_CHECKING:
+    from endosdk.live.sources.source import Source
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Record; the status is 1 where every frame was INVALID, or there was none."""
     from endosdk.errors import SourceFailed, StorageFailed
-    from endosdk.live.recording.record import begun, record
+    from endosdk.live.recording.record import record
 
     with opened_source(args) as source:
         try:
@@ -46,11 +50,9 @@ def run(args: argparse.Namespace) -> int:
                 temporal=args.temporal,
             )
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
+            raise KeyboardInterrupt(f"stopped; {_what_stays(source, args.out)}") from None
         except (SourceFailed, StorageFailed):
-            folder, frames = begun(args.out)
-            if frames:
-                print(f"{frames} frames stay in {folder}: replay reads them, the same command goes on", file=sys.stderr)
+            print(_what_stays(source, args.out), file=sys.stderr)
             raise
     report = Report(args)
     report.record = {**summary, "out": args.out}
@@ -62,3 +64,15 @@ def run(args: argparse.Namespace) -> int:
         report.line(f"FAULT      {fault}")
     report.line(f"written    {args.out}")
     return report.end(usable=bool(set(summary["status"]) - {"INVALID"}))
+
+
+def _what_stays(source: Source, out: Path) -> str:
+    """Say what there is of a recording that did not come to its end, and who goes on with it."""
+    from endosdk.live.recording.record import begun
+
+    folder, frames = begun(out)
+    if not frames:
+        return "no frame was recorded"
+    if source.once:
+        return f"{frames} frames stay in {folder}: endosdk replay reads them"
+    return f"{frames} frames stay in {folder}: endosdk replay reads them, the same command continues {out}"

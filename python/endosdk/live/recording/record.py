@@ -43,8 +43,10 @@ def record(
 
     ``temporal`` is that of `DepthEstimator.stream`.
 
-    ``out`` is a folder, or ends in one of `FILES`. What was begun there and stopped goes on. A source that is live
-    cannot be continued. Raises InvalidArgument, StorageFailed, SourceFailed; what was written stays.
+    ``out`` is a folder, or ends in one of `FILES`. What was begun there and stopped goes on. A camera or a pipe cannot
+    be continued, so a KeyboardInterrupt after its first frame ends the recording as the end of the source does: all
+    files are written, and it is not raised again. Raises InvalidArgument, StorageFailed, SourceFailed; what was written
+    stays.
     """
     if most is not None and most < 1:
         raise InvalidArgument("frames", "must be at least 1", most)
@@ -54,8 +56,9 @@ def record(
         raise InvalidArgument("out", "must not exist yet", out)
     folder = _folder_of(out)
     with Recorder(folder, estimator, source, pictures=pictures, temporal=temporal) as recorder:
-        if recorder.frames and not recorder.complete and source.live:
-            raise InvalidArgument("out", "must be new: a live source cannot be continued", out)
+        if recorder.frames and source.once:
+            rule = "must be new: a camera or a pipe cannot be continued; endosdk replay reads what was recorded"
+            raise InvalidArgument("out", rule, folder)
         if recorder.complete and not recorder.source_ended and (most is None or most > recorder.frames):
             raise InvalidArgument("out", f"must be new: it was ended after {recorder.frames} frames", out)
         if not recorder.complete:
@@ -92,12 +95,16 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
     left = None if total is None else total - recorder.frames
     with progress(total=left, unit="frame") as bar:
         frames = source.frames(recorder.next_number) if left is None or left > 0 else ()
-        for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
-            recorder.add(frame, result)
-            bar.update()
-            done += 1
-            if done == left:
-                break
+        try:
+            for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
+                recorder.add(frame, result)
+                bar.update()
+                done += 1
+                if done == left:
+                    break
+        except KeyboardInterrupt:
+            if not (source.once and recorder.begun):
+                raise
         ended = left is None or done < left or total == source.count
     recorder.close(source_ended=ended)
 

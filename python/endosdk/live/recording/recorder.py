@@ -75,6 +75,11 @@ class Recorder:
         """Whether the recording was closed: there is nothing to add."""
         return bool(self._record["complete"])
 
+    @property
+    def begun(self) -> bool:
+        """Whether there is a frame, in a part that is whole or in the one in work."""
+        return bool(self.frames or self._writers)
+
     def add(self, frame: Frame, result: DepthResult) -> None:
         """Append one answer, whole: an interrupt waits until it is written.
 

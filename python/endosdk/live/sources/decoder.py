@@ -6,6 +6,7 @@ uint8 by the colour matrix and range that the stream states.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
@@ -50,17 +51,30 @@ def reason_of(error: Exception) -> str:
 
 
 class Counted:
-    """A pipe that knows how many bytes came through it."""
+    """A pipe that knows how many bytes came through it, and what ended the reading of it."""
 
     def __init__(self, pipe: BinaryIO) -> None:
         self._pipe = pipe
+        self._interrupt: KeyboardInterrupt | None = None
         self.count = 0
 
     def read(self, size: int = -1) -> bytes:
-        """Return the next bytes, as the pipe does."""
-        content = self._pipe.read(size)
+        """Return the next bytes, as the pipe does; none after an interrupt, though FFmpeg asks again, until `check`."""
+        if self._interrupt is not None:
+            return b""
+        try:
+            content = self._pipe.read(size)
+        except KeyboardInterrupt as interrupt:  # FFmpeg, which calls this, would drop it
+            self._interrupt = interrupt
+            return b""
         self.count += len(content)
         return content
+
+    def check(self) -> None:
+        """Raise the interrupt that came while FFmpeg read."""
+        interrupt, self._interrupt = self._interrupt, None
+        if interrupt is not None:
+            raise interrupt
 
 
 class Decoder:
@@ -81,11 +95,16 @@ class Decoder:
         self._name = name
         self._note = note
         self._scan = scan
+        self._check: Callable[[], None] = file.check if isinstance(file, Counted) else lambda: None
+        self._reading = threading.Lock()
+        self._over = False
         try:
             self._container = self._av.open(file, format=container, options=dict(options or {}))
         except (self._av.FFmpegError, OSError, ValueError) as error:
+            self._check()
             rule = "must be a video that FFmpeg can read"
             raise SourceFailed("source", rule, f"{name}: {reason_of(error)}") from error
+        self._check()
         if len(self._container.streams.video) <= stream:
             self.close()
             raise SourceFailed("source", "must hold a video stream", name)
@@ -117,8 +136,13 @@ class Decoder:
         return self._end_of_whole
 
     def close(self) -> None:
-        """Close the file."""
-        self._container.close()
+        """Close the file. One that another thread is reading, a silent pipe perhaps, is closed by that thread."""
+        self._over = True
+        if self._reading.acquire(blocking=False):
+            try:
+                self._container.close()
+            finally:
+                self._reading.release()
 
     def pictures(self) -> Iterator[Decoded]:
         """Yield all pictures. Packets that cannot be decoded are noted and passed over."""
@@ -137,23 +161,37 @@ class Decoder:
 
     def _frames(self) -> Iterator[Any]:
         packets = self._container.demux(self._stream)
-        while True:
+        while (frames := self._next_frames(packets)) is not None:
+            yield from frames
+
+    def _next_frames(self, packets: Iterator[Any]) -> list[Any] | None:
+        """Return the frames of the next packet; None at the end."""
+        with self._reading:
+            if self._over:
+                return None
             try:
-                packet = next(packets)
-            except StopIteration:
-                return
+                packet = next(packets, None)
             except self._av.FFmpegError as error:
+                self._check()
                 raise SourceFailed("source", "ended with an error", f"{self._name}: {reason_of(error)}") from error
+            self._check()
+            if self._over:  # meanwhile
+                self._container.close()
+                return None
+            if packet is None:
+                return None
             if packet.is_corrupt:
                 self._note("a packet is cut short")
             elif packet.size and packet.pos is not None:
                 self._end_of_whole = packet.pos + packet.size
+            frames: list[Any] = []
             try:
-                yield from packet.decode()
+                frames.extend(packet.decode())
             except self._av.EOFError:
-                return
+                return None
             except self._av.FFmpegError as error:
                 self._note(f"a packet cannot be decoded ({error.strerror}) and is lost")
+            return frames
 
     def _deinterlaced(self, frames: Iterator[Any]) -> Iterator[Any]:
         """Pass frames on, through the deinterlacer where they need it."""

@@ -19,6 +19,7 @@ class Newest(Source):
         super().__init__(source.word)
         self._source = source
         self.live = source.live
+        self.once = source.once
         self.count = source.count
         self.clock: Clock = source.clock
         self.faults = source.faults

@@ -46,12 +46,14 @@ class SourceOptions:
 class Source(ABC):
     """Stereo frames, one after the other. Iterate over it; close it, or use it in a ``with``.
 
-    ``word`` names it, ``live`` says that it does not wait for its reader, ``clock`` what time stamps count from,
-    ``count`` is how many frames there are, None where nobody knows. ``dropped`` counts the frames that the reader never
+    ``word`` names it, ``live`` says that it does not wait for its reader, ``once`` that its frames cannot be had again,
+    as those of a camera or a pipe, ``clock`` what time stamps count from, ``count`` is how many frames there are, None
+    where nobody knows. ``dropped`` counts the frames that the reader never
     got. ``faults`` holds what went wrong without ending the source, each also a warning of the log ``endosdk``.
     """
 
     live: bool = False
+    once: bool = False
     clock: Clock = "medium"
     count: int | None = None
 

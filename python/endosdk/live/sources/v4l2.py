@@ -91,6 +91,7 @@ class Camera(Source):
     """A device whose pictures hold both views. Numbers go on over frames that the driver lost."""
 
     live = True
+    once = True
     clock: Clock = "wall"
 
     def __init__(self, path: str, options: SourceOptions) -> None:
@@ -116,6 +117,7 @@ class TwoCameras(Source):
     """Two devices, one of each view. Pictures whose time stamps differ by less than half a frame are a pair."""
 
     live = True
+    once = True
     clock: Clock = "wall"
 
     def __init__(self, left: str, right: str, options: SourceOptions) -> None:

@@ -83,6 +83,8 @@ class TwoVideos(Source):
 class Piped(Source):
     """Video that comes through a pipe. It can be read once."""
 
+    once = True
+
     def __init__(self, file: BinaryIO, options: SourceOptions) -> None:
         super().__init__("standard input")
         self._options = options
@@ -129,7 +131,8 @@ class Piped(Source):
 
 def standard_input(options: SourceOptions) -> Source:
     """Return what comes through standard input: Y4M, or bare pixels where ``options.raw`` describes them."""
-    return Piped(sys.stdin.buffer, options)
+    # Without Python's buffer: a thread that waits in a silent pipe holds its lock, for which Python aborts at its end.
+    return Piped(getattr(sys.stdin.buffer, "raw", sys.stdin.buffer), options)
 
 
 def paired(left: Decoded, right: Decoded, number: int) -> Frame:
