@@ -108,6 +108,16 @@ def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done,
         assert found == expected
 
 
+def test_the_answer_of_a_pair_depends_on_that_pair_alone(archive, settings, tmp_path):
+    """As frames of one sequence, the same pair would be a frozen one from the 25th on."""
+    many(archive, tmp_path, 27)
+    record = run_batch(find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out")
+    assert list(record["status"].values()) == [27]
+    described = [json.loads((tmp_path / "out" / "pairs" / name / "result.json").read_text()) for name in ("0", "26")]
+    assert described[0]["causes"] == described[1]["causes"]
+    assert described[0]["files"] == described[1]["files"]
+
+
 def test_one_word_names_both_folders(archive, done, tmp_path, capsys):
     mixed = tmp_path / "mixed"
     mixed.mkdir()
@@ -184,10 +194,10 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
 
 def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
     pairs = find_pairs(archive / "left", archive / "right")
-    changes = ({"model": "fast-fp32"}, {"network_size": (160, 120)}, {"limits": Limits(0.9)})
+    changes = ({"model": "fast-fp32"}, {"network_size": (160, 120)}, {"limits": Limits(0.9)}, {"bits": 12})
     for other in (replace(settings, **change) for change in changes):
         with pytest.raises(
-            InvalidArgument, match="out: must be new, or a batch of the same model, rig, size and limits"
+            InvalidArgument, match="out: must be new, or a batch of the same model, rig, size, limits and bits"
         ):
             run_batch(pairs, other, done)
 

@@ -20,14 +20,16 @@ from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.documents import parse_json
 from endosdk.io.locks import locked_folder
 from endosdk.io.picture_pairs import pair_pictures
-from endosdk.io.pictures import read_frame
+from endosdk.io.pictures import check_bits, read_frame
 from endosdk.io.progress import progress
 from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import remove_partials, whole_folder, write_text
 from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
+from endosdk.runtime.arguments import Picture
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.limits import DEFAULT_LIMITS, Limits
 from endosdk.runtime.models import shipped_models
+from endosdk.runtime.result import Cause, DepthResult
 from endosdk.runtime.result_files import RESULT, file_sha256, write_maps, write_record
 
 FORMAT_VERSION = 3  # a batch begun by an older one lacks files that a pair now has
@@ -35,6 +37,9 @@ RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
 LARGEST_RESULT = 1 << 20  # bytes
 SHARE = 8  # pairs that a worker is given at a time
+# They compare a frame with those before it. The pairs of an archive are of no sequence, and which one comes after which
+# depends on the workers.
+OF_SEQUENCES = {Cause.FROZEN, Cause.NOT_SIMULTANEOUS}
 
 
 class PairFiles(NamedTuple):
@@ -56,6 +61,7 @@ class Settings:
     provider_options: Mapping[str, str] | None = None
     threads: int | None = None  # of one worker; the maps do not depend on it
     limits: Limits = DEFAULT_LIMITS
+    bits: int | None = None  # used bits of pictures that have 16; see `read_frame`
 
 
 def find_pairs(left: str | Path, right: str | Path) -> list[PairFiles]:
@@ -91,6 +97,7 @@ def run_batch(
         "provider": settings.provider,
         "provider_options": dict(settings.provider_options or {}),
         **settings.limits.described(),
+        "bits": check_bits(settings.bits),
     }
     job = _Job(Path(out).resolve(), settings, model.sha256)
     fresh = {"format_version": FORMAT_VERSION, "settings": described}
@@ -100,7 +107,7 @@ def run_batch(
             RECORD,
             fresh,
             lambda begun: {name: begun.get(name) for name in fresh} == fresh,
-            "must be new, or a batch of the same model, rig, size and limits, by the same provider and this version",
+            "must be new, or a batch of the same model, rig, size, limits and bits, by the same provider and this version",
         )
         missing = [pair for pair in pairs if not job.folder(pair).is_dir()]
         for pair in set(pairs).difference(missing):
@@ -215,11 +222,20 @@ def _answer_all(job: _Job, pairs: list[PairFiles]) -> dict[str, str | None]:
 
 def _answer(job: _Job, estimator: DepthEstimator, pair: PairFiles) -> str | None:
     try:
-        left, right = read_frame(pair.left), read_frame(pair.right)
-        result = estimator.predict(left, right)
+        left, right = (read_frame(path, bits=job.settings.bits) for path in (pair.left, pair.right))
+        result = _alone(estimator, left, right)
     except (InvalidArgument, CalibrationSizeMismatch) as error:
         return str(error)
     with whole_folder(job.folder(pair), job.out) as folder:
         files = write_maps(folder, estimator.rectify(left, right)[0], result)
         write_record(folder, result, files, (pair.left, pair.right))
     return None
+
+
+def _alone(estimator: DepthEstimator, left: Picture, right: Picture) -> DepthResult:
+    """Return the answer of a pair that no other pair was seen before."""
+    result = estimator.predict(left, right)
+    if OF_SEQUENCES.isdisjoint(result.causes):
+        return result
+    (result,) = estimator.stream([(left, right)])  # a stream knows its own frames alone
+    return result
