@@ -309,7 +309,7 @@ typedef struct endo_identity {
 } endo_identity;
 
 /* Maps have the size of the frames, rows without gaps. Each is yours, and NULL where you do not want it. They must be aligned
-   to their type, and overlap neither each other nor a picture of the call nor a map of a frame in flight.
+   to their type, and overlap neither each other nor a picture of the call nor a map of the estimator's frames in flight.
    When endo_predict fails, quality is ENDO_QUALITY_INVALID and frame is 0. Every pixel then reads as one without an answer, but
    for maps that were refused themselves: nothing is written to these. */
 typedef struct endo_result {

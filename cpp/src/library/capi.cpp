@@ -51,6 +51,8 @@ class Callers {
 
 struct endo_estimator {
   std::shared_ptr<FramePath> path;
+  // Of all its streams. Shared with them: they may end after it.
+  std::shared_ptr<endosdk::ResultsInFlight> in_flight{};
   endosdk::OwnProcess process{};
   Callers callers{};
 };
@@ -60,12 +62,12 @@ struct endo_stream {
   // Of the frames in flight, and of the one that is being received.
   std::vector<endosdk::ResultWriter> writers;
   std::vector<endo_result*> results;
-  // Shared with the writers, which may end after it.
   std::shared_ptr<endosdk::ResultsInFlight> in_flight;
   endosdk::OwnProcess process{};
   endosdk::FairLock submitting{};
   endosdk::FairLock receiving{};
   uint64_t submitted = 0;
+  uint64_t received = 0;
   Callers callers{};
 };
 
@@ -113,7 +115,8 @@ endo_status open(const endo_options* options, endo_estimator** estimator, const 
     }
     auto session = std::make_shared<endosdk::OrtStereoSession>(endosdk::Runtime::open(request.runtime_library, request.runtime_sha256, log),
                                                                std::move(model), request.session, log);
-    *estimator = new endo_estimator{std::make_shared<FramePath>(std::move(session), request.settings)};
+    *estimator = new endo_estimator{std::make_shared<FramePath>(std::move(session), request.settings),
+                                    std::make_shared<endosdk::ResultsInFlight>()};
   });
 }
 
@@ -224,12 +227,11 @@ endo_status endo_predict(endo_estimator* estimator, const endo_image* left, cons
   endosdk::ResultWriter writer;
   const endo_status status = guarded([&] {
     writer.accept(result);
-    with(estimator, [&](FramePath& path) {
-      const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
-      writer.check_apart(pair);
-      writer.check_capacity(pair.size());
-      writer.write(path.predict(pair, writer.maps()));
-    });
+    const Call call(estimator, "estimator");
+    writer.beside(estimator->in_flight);
+    const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
+    writer.check(pair);
+    writer.write(estimator->path->predict(pair, writer.maps()));
   });
   if (status != ENDO_OK) writer.write_failure();
   return status;
@@ -285,8 +287,9 @@ endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t h
       std::unique_ptr<Stream> opened = path.stream({width, height});
       const size_t slots = static_cast<size_t>(opened->lanes()) + 1;
       if (frames_in_flight != nullptr) *frames_in_flight = opened->lanes();
-      *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots),
-                                std::vector<endo_result*>(slots), std::make_shared<endosdk::ResultsInFlight>(slots)};
+      estimator->in_flight->make_room(slots);
+      *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots), std::vector<endo_result*>(slots),
+                                estimator->in_flight};
     });
   });
 }
@@ -304,11 +307,12 @@ endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, cons
   const endosdk::Clock::time_point asked = endosdk::Clock::now();
   endosdk::ResultWriter writer;
   const endo_status status = guarded([&] {
+    writer.accept(result);
     const Call call(stream, "stream");
-    writer.accept(result, stream->in_flight);
+    writer.beside(stream->in_flight);
     const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
-    writer.check_apart(pair);
-    writer.check_capacity(pair.size());
+    writer.check(pair);
+    writer.join();
     const std::lock_guard lock(stream->submitting);
     endosdk::require(stream->stream->wait_for_room(), "stream", "must not have ended", "an ended one");
     const size_t slot = static_cast<size_t>(stream->submitted % stream->writers.size());
@@ -331,6 +335,7 @@ endo_status endo_stream_receive(endo_stream* stream, endo_result** result) {
     if (!answer) return;
     auto* writer = static_cast<endosdk::ResultWriter*>(answer->tag);
     *result = stream->results[static_cast<size_t>(writer - stream->writers.data())];
+    ++stream->received;
     if (answer->error) {
       writer->write_failure();
       std::rethrow_exception(answer->error);
@@ -357,6 +362,9 @@ void endo_stream_close(endo_stream* stream) {
   if (stream == nullptr || !stream->process.is_this()) return;
   stream->stream->close();
   stream->callers.wait_for_none();
+  for (uint64_t i = stream->received; i < stream->submitted; ++i) {
+    stream->writers[static_cast<size_t>(i % stream->writers.size())].let_go();
+  }
   delete stream;
 }
 

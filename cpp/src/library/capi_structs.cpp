@@ -97,9 +97,10 @@ FramePair frame_pair(const endo_image* left, const endo_image* right) {
 
 namespace {
 
+constexpr uint64_t most_pixels = std::numeric_limits<int32_t>::max();
+
 void check_result(const endo_result& known) {
-  constexpr uint64_t most = std::numeric_limits<int32_t>::max();
-  require_argument(known.capacity <= most, "result.capacity", "must be less than 2^31 pixels", known.capacity);
+  require_argument(known.capacity <= most_pixels, "result.capacity", "must be less than 2^31 pixels", known.capacity);
   require_argument(known.reserved == 0, "result.reserved", "must be 0", known.reserved);
   require_argument(known.reserved2 == 0, "result.reserved2", "must be 0", known.reserved2);
   check_memory(maps_of(known), known.capacity);
@@ -113,33 +114,25 @@ endo_result read_result(const endo_result* result) {
   return known;
 }
 
-void ResultWriter::accept(endo_result* result, std::shared_ptr<ResultsInFlight> in_flight) {
-  known_ = read_struct(result, first_result, "result");
+void ResultWriter::accept(endo_result* result) {
+  known_ = known_fields(result, first_result, "result");
   target_ = result;
-  try {
-    check_result(known_);
-    if (in_flight != nullptr) in_flight->add(result, maps(), known_.capacity);
-  } catch (const Error&) {
-    give_up(in_flight == nullptr);
-    throw;
-  }
-  in_flight_ = std::move(in_flight);
+  check_newer_fields(result, "result");
 }
 
-void ResultWriter::check_apart(const FramePair& pair) {
-  try {
-    endosdk::check_apart(maps(), known_.capacity, memory_of(pair.left, "left"));
-    endosdk::check_apart(maps(), known_.capacity, memory_of(pair.right, "right"));
-  } catch (const Error&) {
-    give_up(in_flight_ == nullptr);
-    throw;
-  }
-}
-
-void ResultWriter::check_capacity(Size size) const {
-  const uint64_t pixels = static_cast<uint64_t>(size.width) * static_cast<uint64_t>(size.height);
-  require_argument(known_.capacity >= pixels, "result.capacity", Text("must be at least ", pixels, " pixels"),
+void ResultWriter::check(const FramePair& pair) {
+  pictures_ = {memory_of(pair.left, "left"), memory_of(pair.right, "right")};
+  frame_pixels_ = static_cast<uint64_t>(pair.left.width) * static_cast<uint64_t>(pair.left.height);
+  check_result(known_);
+  in_flight_->check(target_, maps(), known_.capacity);
+  for (const Memory& picture : pictures_) check_apart(maps(), known_.capacity, picture);
+  require_argument(known_.capacity >= frame_pixels_, "result.capacity", Text("must be at least ", frame_pixels_, " pixels"),
                    known_.capacity);
+}
+
+void ResultWriter::join() {
+  in_flight_->add(target_, maps(), known_.capacity);
+  joined_ = true;
 }
 
 MapsOut ResultWriter::maps() const { return maps_of(known_); }
@@ -201,13 +194,21 @@ void ResultWriter::write_rig(const FrameReport& report) {
 
 void ResultWriter::write_failure() {
   if (target_ == nullptr) return;
-  write_no_answer(maps(), static_cast<size_t>(known_.capacity));
+  if (!joined_ && in_flight_ != nullptr && in_flight_->holds(target_)) return;  // it belongs to the frame in flight
+  write_no_answer(writable_maps(), static_cast<size_t>(pixels()));
   write({});
 }
 
-// Nothing may be written to the maps: they may lie in each other, or in the pictures.
-void ResultWriter::give_up(bool alone) {
-  alone ? write({}) : let_go();
+// Of a capacity that was refused, as far as the frame goes.
+uint64_t ResultWriter::pixels() const { return known_.capacity <= most_pixels ? known_.capacity : frame_pixels_; }
+
+MapsOut ResultWriter::writable_maps() const {
+  MapsOut writable = maps();
+  if (joined_) return writable;  // all were checked
+  drop_refused_maps(writable, pixels());
+  for (const Memory& picture : pictures_) drop_maps_in(writable, pixels(), picture);
+  if (in_flight_ != nullptr) in_flight_->drop_maps_in_them(writable, pixels());
+  return writable;
 }
 
 void ResultWriter::store() {
@@ -216,8 +217,8 @@ void ResultWriter::store() {
 }
 
 void ResultWriter::let_go() {
-  if (in_flight_ != nullptr) in_flight_->remove(target_);
-  in_flight_ = nullptr;
+  if (joined_) in_flight_->remove(target_);
+  joined_ = false;
   target_ = nullptr;
 }
 

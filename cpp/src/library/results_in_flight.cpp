@@ -6,8 +6,12 @@
 
 namespace endosdk {
 
-void ResultsInFlight::add(const endo_result* result, const MapsOut& maps, uint64_t pixels) {
+void ResultsInFlight::make_room(size_t more) {
   const std::lock_guard lock(mutex_);
+  taken_.reserve(taken_.size() + more);
+}
+
+void ResultsInFlight::check_locked(const endo_result* result, const MapsOut& maps, uint64_t pixels) const {
   for (const Taken& other : taken_) {
     require(other.result != result, "result", "must not be in flight", "one that was submitted and not received");
     for (Memory memory : memory_of(other.maps, other.pixels)) {
@@ -15,6 +19,28 @@ void ResultsInFlight::add(const endo_result* result, const MapsOut& maps, uint64
       check_apart(maps, pixels, memory);
     }
   }
+}
+
+void ResultsInFlight::check(const endo_result* result, const MapsOut& maps, uint64_t pixels) {
+  const std::lock_guard lock(mutex_);
+  check_locked(result, maps, pixels);
+}
+
+bool ResultsInFlight::holds(const endo_result* result) {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(taken_.begin(), taken_.end(), [&](const Taken& taken) { return taken.result == result; });
+}
+
+void ResultsInFlight::drop_maps_in_them(MapsOut& maps, uint64_t pixels) {
+  const std::lock_guard lock(mutex_);
+  for (const Taken& taken : taken_) {
+    for (const Memory& memory : memory_of(taken.maps, taken.pixels)) drop_maps_in(maps, pixels, memory);
+  }
+}
+
+void ResultsInFlight::add(const endo_result* result, const MapsOut& maps, uint64_t pixels) {
+  const std::lock_guard lock(mutex_);
+  check_locked(result, maps, pixels);
   taken_.push_back({result, maps, pixels});
 }
 

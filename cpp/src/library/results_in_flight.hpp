@@ -1,4 +1,4 @@
-// The results that a stream has taken and not given back: no other frame may write into their memory.
+// The results that an estimator's streams have taken and not given back: no other frame may write into their memory.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -12,10 +12,15 @@ namespace endosdk {
 
 class ResultsInFlight {
  public:
-  // With room for as many as usual; more are callers that wait for each other.
-  explicit ResultsInFlight(size_t usual) { taken_.reserve(usual); }
+  // For so many more results, so that frames take no memory.
+  void make_room(size_t more);
 
   // Refuses a result that is in flight itself, or has maps in the memory of one that is.
+  void check(const endo_result* result, const MapsOut& maps, uint64_t pixels);
+  bool holds(const endo_result* result);
+  void drop_maps_in_them(MapsOut& maps, uint64_t pixels);
+
+  // The same check, and it is in flight from now on.
   void add(const endo_result* result, const MapsOut& maps, uint64_t pixels);
   void remove(const endo_result* result);
 
@@ -25,6 +30,8 @@ class ResultsInFlight {
     MapsOut maps;
     uint64_t pixels;
   };
+
+  void check_locked(const endo_result* result, const MapsOut& maps, uint64_t pixels) const;
 
   std::mutex mutex_;
   std::vector<Taken> taken_;

@@ -18,17 +18,30 @@ inline void check_struct_size(size_t size, size_t first, const char* argument) {
           Text("must be sizeof the struct, at least ", first), size);
 }
 
-// A copy of the fields that both the caller and this library know; what only the caller knows must be zero.
+// A copy of the fields that both the caller and this library know.
 template <typename Struct>
-Struct read_struct(const Struct* given, size_t first, const char* argument) {
+Struct known_fields(const Struct* given, size_t first, const char* argument) {
   require(given != nullptr, ENDO_INVALID_ARGUMENT, argument, "must not be NULL", "NULL");
   const size_t size = given->struct_size;
   check_struct_size(size, first, argument);
+  Struct known{};
+  std::memcpy(&known, given, std::min(size, sizeof(Struct)));
+  return known;
+}
+
+// What only the caller knows must be zero.
+template <typename Struct>
+void check_newer_fields(const Struct* given, const char* argument) {
+  const size_t size = given->struct_size;
   const auto* bytes = reinterpret_cast<const unsigned char*>(given);
   const bool understood = std::all_of(bytes + std::min(size, sizeof(Struct)), bytes + size, [](auto b) { return b == 0; });
   require(understood, ENDO_INVALID_ARGUMENT, argument, "must use no field newer than this library", "a newer field");
-  Struct known{};
-  std::memcpy(&known, given, std::min(size, sizeof(Struct)));
+}
+
+template <typename Struct>
+Struct read_struct(const Struct* given, size_t first, const char* argument) {
+  const Struct known = known_fields(given, first, argument);
+  check_newer_fields(given, argument);
   return known;
 }
 

@@ -20,20 +20,33 @@ void write_steps(const float* values, const uint8_t* reasons, int begin, int end
   }
 }
 
-void require_apart(const Memory& map, const Memory& other) {
+uint64_t common_bytes(const Memory& map, const Memory& other) {
   const uintptr_t begin = std::max(map.begin, other.begin);
   const uintptr_t end = std::min(map.end, other.end);
-  require(end <= begin, map.name, Text("must not lie in the memory of ", other.name), Text(end - begin, " bytes that both have"));
+  return end > begin ? end - begin : 0;
+}
+
+void require_apart(const Memory& map, const Memory& other) {
+  const uint64_t common = common_bytes(map, other);
+  require(common == 0, map.name, Text("must not lie in the memory of ", other.name), Text(common, " bytes that both have"));
+}
+
+template <typename Field>
+Memory memory_of_map(const MapsOut& maps, const Field& field, uint64_t pixels) {
+  const auto begin = reinterpret_cast<uintptr_t>(maps.*field.memory);
+  return {field.name, begin, begin == 0 ? 0 : begin + pixels * sizeof *(maps.*field.memory)};
+}
+
+// Bytes that it lies behind the last place where it could begin.
+template <typename Field>
+uintptr_t askew(const MapsOut& maps, const Field& field) {
+  return reinterpret_cast<uintptr_t>(maps.*field.memory) % sizeof *(maps.*field.memory);
 }
 
 }  // namespace
 
 std::array<Memory, std::tuple_size_v<decltype(map_fields)>> memory_of(const MapsOut& maps, uint64_t pixels) {
-  const auto memory = [&](const auto& field) {
-    const auto begin = reinterpret_cast<uintptr_t>(maps.*field.memory);
-    return Memory{field.name, begin, begin == 0 ? 0 : begin + pixels * sizeof *(maps.*field.memory)};
-  };
-  return std::apply([&](const auto&... field) { return std::array{memory(field)...}; }, map_fields);
+  return std::apply([&](const auto&... field) { return std::array{memory_of_map(maps, field, pixels)...}; }, map_fields);
 }
 
 void check_apart(const MapsOut& maps, uint64_t pixels, const Memory& other) {
@@ -42,9 +55,8 @@ void check_apart(const MapsOut& maps, uint64_t pixels, const Memory& other) {
 
 void check_memory(const MapsOut& maps, uint64_t pixels) {
   for_each_map([&](const auto& field) {
-    constexpr uintptr_t alignment = sizeof *(maps.*field.memory);
-    const uintptr_t too_far = reinterpret_cast<uintptr_t>(maps.*field.memory) % alignment;
-    require(too_far == 0, field.name, Text("must be aligned to ", alignment, " bytes"), Text(too_far, " too far"));
+    require(askew(maps, field) == 0, field.name, Text("must be aligned to ", sizeof *(maps.*field.memory), " bytes"),
+            Text(askew(maps, field), " too far"));
   });
   const auto all = memory_of(maps, pixels);
   for (const Memory& map : all) {
@@ -52,6 +64,23 @@ void check_memory(const MapsOut& maps, uint64_t pixels) {
       if (&other != &map) require_apart(map, other);
     }
   }
+}
+
+void drop_maps_in(MapsOut& maps, uint64_t pixels, const Memory& other) {
+  for_each_map([&](const auto& field) {
+    if (common_bytes(memory_of_map(maps, field, pixels), other) > 0) maps.*field.memory = nullptr;
+  });
+}
+
+void drop_refused_maps(MapsOut& maps, uint64_t pixels) {
+  const auto all = memory_of(maps, pixels);  // of two that lie in each other both are dropped
+  size_t index = 0;
+  for_each_map([&](const auto& field) {
+    const size_t own = index++;
+    bool refused = askew(maps, field) != 0;
+    for (size_t i = 0; i < all.size(); ++i) refused = refused || (i != own && common_bytes(all[own], all[i]) > 0);
+    if (refused) maps.*field.memory = nullptr;
+  });
 }
 
 void check_maps(const MapsOut& maps, Size size, bool calibrated) {

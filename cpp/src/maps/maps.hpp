@@ -72,7 +72,11 @@ void check_apart(const MapsOut& maps, uint64_t pixels, const Memory& other);
 // Refuses maps that lie in each other, or askew, in memory: nothing may be written to such.
 void check_memory(const MapsOut& maps, uint64_t pixels);
 
-// The same, and refuses metric maps without a calibration.
+// Leaves out what check_apart or check_memory refuses: a failure is written to the other maps alone.
+void drop_maps_in(MapsOut& maps, uint64_t pixels, const Memory& other);
+void drop_refused_maps(MapsOut& maps, uint64_t pixels);
+
+// As check_memory, and refuses metric maps without a calibration.
 void check_maps(const MapsOut& maps, Size size, bool calibrated);
 
 // Memory for what must be computed although the caller does not want it. Made once per frame size.

@@ -182,6 +182,44 @@ void bad_frames_are_refused_and_read_as_no_answer(const Places& at) {
   CHECK(estimator.predict(pair, out) == ENDO_OK && std::fabs(middle(out.disparity) - 9.0f) < 0.5f);
 }
 
+// Whatever was wrong, the depth of the frame before must not stay in maps that were in order themselves.
+void maps_that_were_in_order_read_as_no_answer(const Places& at) {
+  const Opened estimator(at);
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  const Pair pair(width, height, 9);
+  const endo_image left = pair.left_image();
+  const endo_image right = pair.right_image();
+  Output out(pixels, true);
+  struct Later {
+    endo_result known;
+    uint64_t added;
+  };
+  const auto refused = [&](auto change, bool confidence_is_written, const char* word) {
+    CHECK(estimator.predict(pair, out) == ENDO_OK);
+    const std::vector<float> before = out.confidence;
+    Later later = {out.result, 0};
+    later.known.quality = ENDO_QUALITY_OK;
+    change(later);
+    expect(endo_predict(estimator.get(), &left, &right, &later.known), ENDO_INVALID_ARGUMENT, word);
+    CHECK(later.known.quality == ENDO_QUALITY_INVALID && later.known.frame == 0 && later.known.valid_share == 0.0);
+    CHECK(std::all_of(out.depth.begin(), out.depth.end(), [](float z) { return std::isnan(z); }));
+    CHECK(std::all_of(out.reasons.begin(), out.reasons.end(), [](int r) { return r == ENDO_REASON_LOW_CONFIDENCE; }));
+    CHECK(std::all_of(out.depth_u16.begin(), out.depth_u16.end(), [](int z) { return z == 0; }));
+    CHECK(confidence_is_written ? out.confidence == std::vector<float>(pixels) : out.confidence == before);
+  };
+  refused([](Later& o) { o.known.reserved = 1; }, true, "result.reserved");
+  refused([](Later& o) { o.known.reserved2 = 1; }, true, "result.reserved2");
+  refused([](Later& o) { o.known.capacity = uint64_t{1} << 31; }, true, "less than 2^31");
+  refused([](Later& o) { o.known.capacity = ~uint64_t{0}; }, true, "less than 2^31");
+  refused([](Later& o) { o.known.struct_size = sizeof o; o.added = 1; }, true, "newer");
+  std::vector<float> shared(pixels + 1);
+  refused([&](Later& o) { o.known.confidence = reinterpret_cast<float*>(reinterpret_cast<char*>(shared.data()) + 2); }, false,
+          "confidence: must be aligned");
+  refused([&](Later& o) { o.known.confidence = o.known.sigma = shared.data(); }, false, "must not lie in the memory of");
+  CHECK(shared == std::vector<float>(pixels + 1));
+}
+
 // What a failure writes would lie in the picture, too.
 void maps_over_a_picture_are_refused_and_not_written_to(const Places& at) {
   const Opened estimator(at);
@@ -219,5 +257,6 @@ int main(int argc, char** argv) {
   structs_may_be_longer_than_this_library_knows(at);
   bad_calibrations_are_refused_and_change_nothing(at);
   bad_frames_are_refused_and_read_as_no_answer(at);
+  maps_that_were_in_order_read_as_no_answer(at);
   maps_over_a_picture_are_refused_and_not_written_to(at);
 }

@@ -127,7 +127,7 @@ void memory_of_a_frame_in_flight_is_not_taken_again(const Places& at) {
   expect(stream.submit(Pair(width, height + 8, 9), first.result), ENDO_INVALID_ARGUMENT, "result: must not be in flight");
   float* const own = std::exchange(second.result.confidence, first.disparity.data());
   expect(stream.submit(pair, second.result), ENDO_INVALID_ARGUMENT, "confidence: must not lie in the memory of a frame in flight");
-  CHECK(second.result.quality == 0);  // untouched
+  CHECK(second.result.quality == ENDO_QUALITY_INVALID && std::isnan(second.disparity[7]));
   second.result.confidence = own;
   CHECK(stream.submit(pair, second.result) == ENDO_OK);
   endo_result* result = nullptr;
@@ -140,6 +140,32 @@ void memory_of_a_frame_in_flight_is_not_taken_again(const Places& at) {
   expect(stream.submit(Pair(width, height + 8, 9), second.result), ENDO_INVALID_ARGUMENT, "result.capacity");
   CHECK(stream.submit(pair, second.result) == ENDO_OK);
   for (int i = 0; i < 2; ++i) CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result != nullptr);
+}
+
+void memory_in_flight_is_not_taken_by_other_calls_of_the_estimator(const Places& at) {
+  const Opened estimator(at, with_threads(at, 3));
+  const Pair pair(width, height, 9);
+  Output first(pixels);
+  Output second(pixels);
+  endo_result* result = nullptr;
+  {
+    const OpenedStream stream(estimator);
+    const OpenedStream other(estimator);
+    CHECK(stream.submit(pair, first.result) == ENDO_OK);
+    expect(estimator.predict(pair, first), ENDO_INVALID_ARGUMENT, "result: must not be in flight");
+    expect(other.submit(pair, first.result), ENDO_INVALID_ARGUMENT, "result: must not be in flight");
+    float* const own = std::exchange(second.result.disparity, first.disparity.data());
+    second.confidence[7] = 1.0f;
+    expect(estimator.predict(pair, second), ENDO_INVALID_ARGUMENT, "disparity: must not lie in the memory of a frame in flight");
+    CHECK(second.result.quality == ENDO_QUALITY_INVALID && second.confidence[7] == 0.0f);
+    expect(other.submit(pair, second.result), ENDO_INVALID_ARGUMENT, "disparity: must not lie in the memory of a frame in flight");
+    second.result.disparity = own;
+    CHECK(estimator.predict(pair, second) == ENDO_OK);
+    CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &first.result);
+    CHECK(std::fabs(middle(first.disparity) - 9.0f) < 0.5f);
+    CHECK(stream.submit(pair, first.result) == ENDO_OK);  // and not received
+  }
+  CHECK(estimator.predict(pair, first) == ENDO_OK);
 }
 
 void frames_in_flight_can_be_cancelled(const Places& at) {
@@ -298,6 +324,7 @@ int main(int argc, char** argv) {
   one_thread_can_do_both_ends(at);
   bad_frames_are_refused_and_the_stream_goes_on(at);
   memory_of_a_frame_in_flight_is_not_taken_again(at);
+  memory_in_flight_is_not_taken_by_other_calls_of_the_estimator(at);
   frames_in_flight_can_be_cancelled(at);
   closing_waits_for_the_frame_that_runs(at);
   closing_an_estimator_ends_its_streams(at);
