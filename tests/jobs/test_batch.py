@@ -192,13 +192,26 @@ def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tm
         assert not list((tmp_path / "out" / "pairs").glob(f"*/{name}")), "no rig, no depth"
 
 
+def test_pictures_of_16_bits_are_read_as_they_are_said_to_be(archive, tmp_path, capsys):
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        for name in NAMES[:2]:
+            picture = read_frame(archive / side / f"{name.replace('left', side)}.png")
+            write_picture(tmp_path / side / f"{name}.png", picture.astype(np.uint16) * 16)
+    words = ["batch", str(tmp_path), "--threads", "1"]
+    assert main([*words, "--out", str(tmp_path / "refused")]) == 1
+    assert "say how many of the 16 are used, 10, 12 or 16, by bits=, or --bits" in capsys.readouterr().out
+    assert main([*words, "--out", str(tmp_path / "out"), "--bits", "12"]) == 0
+    assert json.loads((tmp_path / "out" / "batch.json").read_text())["settings"]["bits"] == 12
+    with pytest.raises(InvalidArgument, match="bits: must be one of 10, 12, 16; got 8"):
+        run_batch(find_pairs(tmp_path / "left", tmp_path / "right"), Settings("fast", bits=8), tmp_path / "none")
+
+
 def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
     pairs = find_pairs(archive / "left", archive / "right")
     changes = ({"model": "fast-fp32"}, {"network_size": (160, 120)}, {"limits": Limits(0.9)}, {"bits": 12})
     for other in (replace(settings, **change) for change in changes):
-        with pytest.raises(
-            InvalidArgument, match="out: must be new, or a batch of the same model, rig, size, limits and bits"
-        ):
+        with pytest.raises(InvalidArgument, match="out: must be new, or a batch of the same model, rig, size, limits"):
             run_batch(pairs, other, done)
 
 

@@ -68,6 +68,15 @@ def test_one_folder_with_the_sides_in_the_names(tmp_path):
         endosdk.open_source(root)
 
 
+def test_folders_of_16_bits(tmp_path):
+    root = folders(tmp_path)
+    for path in root.glob("*/*.png"):
+        write_picture(path, cv2.imread(str(path))[..., ::-1].astype(np.uint16) * 257)
+    check(list(endosdk.open_source(root, bits=16)))
+    with pytest.raises(InvalidArgument, match="say how many of the 16 are used"):
+        list(endosdk.open_source(root))
+
+
 @pytest.mark.parametrize("layout", ["side-by-side", "top-bottom"])
 def test_a_lossless_video_gives_the_very_pixels(tmp_path, layout):
     joined = [np.hstack(pair) if layout == "side-by-side" else np.vstack(pair) for pair in PAIRS]
@@ -356,6 +365,8 @@ def _until_error(source):
         ("v.mp4", {"raw": "gray:4x4"}, "standard input"),
         ("v.mp4", {"layout": "diagonal"}, "side-by-side"),
         ("v.mp4", {"rate": 0.0}, "frames a second"),
+        ("v.mp4", {"bits": 12}, "bits: is of picture files, so the source must be folders"),
+        ("v.mp4", {"bits": 8}, "must be one of 10, 12, 16"),
     ],
 )
 def test_wrong_words_are_refused(word, options, message):

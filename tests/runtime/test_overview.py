@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator, StereoCalibration, errors
-from endosdk.io.pictures import read_frame, write_picture
+from endosdk.io.pictures import read_frame
 from endosdk.runtime.overview import colour_map, overview, robust_range
 from endosdk.runtime.result_files import write_record, write_result
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
@@ -143,25 +143,6 @@ def test_points_follow_from_the_files_alone(tmp_path):
 def test_a_picture_that_the_maps_do_not_lie_over_is_refused(predicted, tmp_path, picture):
     with pytest.raises(errors.InvalidArgument, match=r"left: must be uint8 \(96, 160, 3\), as the maps; got uint"):
         write_result(tmp_path, picture, predicted[1])
-
-
-def test_frame_files_come_back_as_rgb(tmp_path):
-    left, _ = shifted_pair(20, 30, 1)
-    write_picture(tmp_path / "f.png", left)
-    assert np.array_equal(read_frame(tmp_path / "f.png"), left)
-
-
-def test_deep_pictures_are_refused_not_cut(tmp_path):
-    deep = np.full((4, 5, 3), 4080, np.uint16)
-    cv2.imwrite(str(tmp_path / "deep.png"), deep)
-    with pytest.raises(errors.InvalidArgument, match="frame: must have 8 bits per channel; got uint16"):
-        read_frame(tmp_path / "deep.png")
-
-
-def test_broken_picture_is_refused(tmp_path):
-    (tmp_path / "x.png").write_bytes(b"no picture")
-    with pytest.raises(errors.InvalidArgument, match="must be a picture"):
-        read_frame(tmp_path / "x.png")
 
 
 def test_unwritable_folder_is_refused(predicted, tmp_path):

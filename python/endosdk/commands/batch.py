@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from endosdk.commands.options import (
+    add_bits,
     add_calibration,
     add_limits,
     add_model,
@@ -26,6 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_calibration(parser)
     add_session(parser, all_threads="all cores, at most 8; 1 in each of several workers")
     add_limits(parser)
+    add_bits(parser)
     add_processes(parser)
 
 
@@ -41,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
     if args.threads is None and (args.ray or args.workers > 1):
         options["threads"] = 1
     rig = StereoCalibration.load(args.calibration) if args.calibration else None
-    settings = Settings(model=args.model, calibration=rig, limits=Limits(**limit_options(args)), **options)
+    limits = Limits(**limit_options(args))
+    settings = Settings(model=args.model, calibration=rig, limits=limits, bits=args.bits, **options)
     folders = two_folders(args.left) if args.right is None else (Path(args.left), Path(args.right))
     if folders is None:
         raise InvalidArgument("source", "must be LEFT,RIGHT, two folders, or a folder with left and right", args.left)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from endosdk import _core
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
+from endosdk.io.pictures import BITS
 
 if TYPE_CHECKING:
     from endosdk.calibration.rig import StereoCalibration
@@ -139,6 +140,13 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
         "--depth-range",
         metavar="NEAREST,FARTHEST",
         help="pixels nearer or farther have no depth, mm, such as 20,200; needs --calibration (default: none)",
+    )
+
+
+def add_bits(parser: argparse.ArgumentParser) -> None:
+    """Add how image files of 16 bits are read."""
+    parser.add_argument(
+        "--bits", type=int, choices=BITS, help="used bits of 16-bit image files (default: files have 8 bits)"
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from endosdk import _core
-from endosdk.commands.options import add_estimator, made_estimator
+from endosdk.commands.options import add_bits, add_estimator, made_estimator
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
 
@@ -26,6 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("left", type=Path, help="image file of the left view")
     parser.add_argument("right", type=Path, help="image file of the right view")
     add_estimator(parser)
+    add_bits(parser)
     parser.add_argument(
         "--truth",
         type=Path,
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.frames < 0:
         raise InvalidArgument("frames", "must not be negative", args.frames)
-    left, right = read_frame(args.left), read_frame(args.right)
+    left, right = (read_frame(path, bits=args.bits) for path in (args.left, args.right))
     estimator = made_estimator(args)
     result = estimator.predict(left, right)
     timings, totals = _timed(estimator, left, right, args.frames)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, get_args
 
+from endosdk.commands.options import add_bits
 from endosdk.live.sources.source import Layout, Queue, Scan
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="FORMAT:WxH",
         help="raw pixel format on standard input, such as uyvy422:1920x1080 (default: Y4M)",
     )
+    add_bits(parser)
 
 
 def add_temporal(parser: argparse.ArgumentParser) -> None:
@@ -50,4 +52,5 @@ def opened_source(args: argparse.Namespace, word: str | None = None) -> Source:
     from endosdk import open_source
 
     name = args.source if word is None else word
-    return open_source(name, layout=args.layout, queue=args.queue, scan=args.scan, rate=args.rate, raw=args.raw)
+    reading = ("layout", "queue", "scan", "rate", "raw", "bits")
+    return open_source(name, **{option: getattr(args, option) for option in reading})

@@ -107,7 +107,7 @@ def run_batch(
             RECORD,
             fresh,
             lambda begun: {name: begun.get(name) for name in fresh} == fresh,
-            "must be new, or a batch of the same model, rig, size, limits and bits, by the same provider and this version",
+            "must be new, or a batch of the same model, rig, size, limits, bits and provider, by this version",
         )
         missing = [pair for pair in pairs if not job.folder(pair).is_dir()]
         for pair in set(pairs).difference(missing):

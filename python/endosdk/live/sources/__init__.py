@@ -17,6 +17,7 @@ def open_source(
     scan: Scan = "auto",
     rate: float | None = None,
     raw: str | None = None,
+    bits: int | None = None,
 ) -> Source:
     """Open a source of stereo frames by one word.
 
@@ -35,6 +36,7 @@ def open_source(
             25 by default. A camera is asked for this rate.
         raw: pixels of standard input that has no header: ``FORMAT:WxH``, such as ``uyvy422:1920x1080``, ``nv12:...`` or
             ``gray:...``, with FFmpeg's names.
+        bits: how many of their 16 bits picture files in folders use, 10, 12 or 16; see `read_frame`. None: they have 8.
 
     Raises:
         InvalidArgument: the word names no source, or an option does not fit it.
@@ -43,4 +45,4 @@ def open_source(
     """
     from endosdk.live.sources.words import opened
 
-    return opened(word, SourceOptions(layout=layout, queue=queue, scan=scan, rate=rate, raw=raw))
+    return opened(word, SourceOptions(layout=layout, queue=queue, scan=scan, rate=rate, raw=raw, bits=bits))

@@ -20,8 +20,10 @@ class Folders(Source):
         super().__init__(f"{left},{right}")
         self._pairs = pair_pictures(left, right)
         self._rate = options.rate or DEFAULT_RATE
+        self._bits = options.bits
         self.count = len(self._pairs)
 
     def _read(self, start: int) -> Iterator[Frame]:
         for number, (left, right) in enumerate(self._pairs[start:], start):
-            yield Frame(read_frame(left), read_frame(right), number, stamp_of(number, self._rate))
+            views = [read_frame(path, bits=self._bits) for path in (left, right)]
+            yield Frame(views[0], views[1], number, stamp_of(number, self._rate))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Self, get_args
 
 from endosdk.errors import InvalidArgument
+from endosdk.io.pictures import check_bits
 from endosdk.live.frames import Frame
 
 Layout = Literal["side-by-side", "top-bottom", "side-by-side-half", "top-bottom-half"]
@@ -34,6 +35,7 @@ class SourceOptions:
     scan: Scan = "auto"
     rate: float | None = None
     raw: str | None = None
+    bits: int | None = None
 
     def __post_init__(self) -> None:
         for name, choices in (("layout", Layout), ("queue", Queue), ("scan", Scan)):
@@ -41,6 +43,7 @@ class SourceOptions:
                 raise InvalidArgument(name, f"must be one of {', '.join(get_args(choices))}", repr(getattr(self, name)))
         if self.rate is not None and not (math.isfinite(self.rate) and 0 < self.rate <= 1000):
             raise InvalidArgument("rate", "must be frames a second, above 0 and at most 1000", self.rate)
+        check_bits(self.bits)
 
 
 class Source(ABC):

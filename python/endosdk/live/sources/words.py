@@ -31,7 +31,10 @@ def two_folders(word: str | Path) -> tuple[Path, Path] | None:
 
     A folder that holds pictures itself is returned twice: `pair_pictures` finds the sides in their names.
     """
-    words = _parts(word)
+    return _folders_of(_parts(word))
+
+
+def _folders_of(words: list[str]) -> tuple[Path, Path] | None:
     left, right = (Path(words[0], side) for side in ("left", "right")) if len(words) == 1 else map(Path, words)
     if left.is_dir() and right.is_dir():
         return left, right
@@ -54,6 +57,8 @@ def _parts(word: object) -> list[str]:
 def _opened(words: list[str], options: SourceOptions) -> Source:
     if options.raw is not None and words != ["-"]:
         raise InvalidArgument("raw", "describes the pixels of standard input, so the source must be -", words)
+    if options.bits is not None and _folders_of(words) is None:
+        raise InvalidArgument("bits", "is of picture files, so the source must be folders of pictures", words)
     if len(words) == 2:
         return _opened_two(words, options)
     (word,) = words
