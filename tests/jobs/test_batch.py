@@ -118,6 +118,19 @@ def test_the_answer_of_a_pair_depends_on_that_pair_alone(archive, settings, tmp_
     assert described[0]["files"] == described[1]["files"]
 
 
+def test_the_summary_names_the_causes_and_their_remedies(archive, tmp_path, capsys):
+    shutil.copytree(archive / "left", tmp_path / "again")
+    words = ["batch", str(archive / "left"), str(tmp_path / "again"), "--out", str(tmp_path / "out")]
+    assert main(words) == 1
+    said = (
+        f"SAME_VIEW_TWICE in {len(NAMES)} pairs: one camera is connected to both inputs; connect each camera to its own"
+    )
+    assert said in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "batch.json").read_text())["causes"]["SAME_VIEW_TWICE"] == len(NAMES)
+    assert main([*words, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["causes"]["SAME_VIEW_TWICE"] == len(NAMES)
+
+
 def test_one_word_names_both_folders(archive, done, tmp_path, capsys):
     mixed = tmp_path / "mixed"
     mixed.mkdir()

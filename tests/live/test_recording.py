@@ -112,6 +112,16 @@ def test_the_command_records_and_gives_back(video, tmp_path, capsys):
     assert len(list((tmp_path / "pictures" / "depth").iterdir())) == COUNT
 
 
+def test_the_summary_names_the_causes_and_their_remedies(tmp_path, capsys):
+    same = write(tmp_path / "v.mkv", side_by_side([(left, left) for left, _ in PAIRS]))
+    words = ["run", str(same), "--model", str(TINY_MODEL), "--out", str(tmp_path / "r")]
+    assert main(words) == 1
+    remedy = "one camera is connected to both inputs; connect each camera to its own input"
+    assert f"cause      SAME_VIEW_TWICE in {COUNT} frames: {remedy}\n" in capsys.readouterr().out
+    assert main([*words, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["causes"]["SAME_VIEW_TWICE"] == COUNT
+
+
 def test_a_recording_keeps_the_whole_rig(video, tmp_path):
     rig = replace(RIG, left_field_of_view=(48.0, 31.0, 40.0, 30.5))
     record(endosdk.open_source(video), estimator(rig), tmp_path / "r", most=1)

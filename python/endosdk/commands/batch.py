@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     model = record["settings"]["model"]
     report.line(f"model      {model['name']} {model['version']}")
     report.line("pairs      " + ", ".join(f"{count} {status}" for status, count in sorted(record["status"].items())))
+    report.causes(record["causes"], "pairs")
     for name, error in record["failed"].items():
         report.line(f"FAILED     {name}: {error}")
     report.line(f"written    {args.out / PAIRS}")

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from endosdk import _core
 
 
 class Report:
@@ -20,6 +23,14 @@ class Report:
         """Say one line to people."""
         if not self.as_json:
             print(text)
+
+    def causes(self, counts: Mapping[str, int], unit: str) -> None:
+        """Say how many of the ``unit``, such as frames, have each cause, the most frequent first, and what to do."""
+        facts = {cause.name: fact for cause, fact in _core.cause_facts.items()}
+        for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
+            # A recording of a later version may name others.
+            known = f"{facts[name]['meaning']}; {facts[name]['remedy']}" if name in facts else "unknown"
+            self.line(f"cause      {name} in {count} {unit}: {known}")
 
     def end(self, usable: bool = True) -> int:
         """Print the record if it was asked for, and return the exit status."""

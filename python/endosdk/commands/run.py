@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     report.record = {**summary, "out": args.out}
     counts = ", ".join(f"{count} {status}" for status, count in sorted(summary["status"].items()))
     report.line(f"frames     {summary['frames']}: {counts or 'none'}")
+    report.causes(summary["causes"], "frames")
     if summary["dropped"]:
         report.line(f"dropped    {summary['dropped']}")
     for fault in summary["faults"][:10]:

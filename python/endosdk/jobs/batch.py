@@ -76,11 +76,11 @@ def run_batch(
     """Compute what is missing in ``out`` with a progress bar; return the record, which is also ``out/batch.json``.
 
     ``workers`` is how many processes work at a time, on this machine or, with ``ray``, on the cluster. The record has
-    the settings, how many pairs got which `Status`, and ``failed``: the error of each pair whose pictures cannot be
-    used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of other settings or
-    another process is at work there, StorageFailed where it cannot be written, DatasetInvalid where the maps of a
-    finished pair are no longer those that were written, InferenceFailed where a worker is killed. Pictures that changed
-    under the same name are not noticed.
+    the settings, how many pairs got which `Status` and which `Cause`, and ``failed``: the error of each pair whose
+    pictures cannot be used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of
+    other settings or another process is at work there, StorageFailed where it cannot be written, DatasetInvalid where
+    the maps of a finished pair are no longer those that were written, InferenceFailed where a worker is killed.
+    Pictures that changed under the same name are not noticed.
     """
     if workers < 1:
         raise InvalidArgument("workers", "must be at least 1", workers)
@@ -113,8 +113,13 @@ def run_batch(
         for pair in set(pairs).difference(missing):
             _check_finished(job.folder(pair))
         failed = _compute(job, missing, workers, ray)
-        counts = Counter(_finished(job.folder(pair))["status"] for pair in pairs if pair.name not in failed)
-        record = {"format_version": FORMAT_VERSION, "settings": described, "status": dict(counts), "failed": failed}
+        finished = [_finished(job.folder(pair)) for pair in pairs if pair.name not in failed]
+        record = {
+            **fresh,
+            "status": dict(Counter(one["status"] for one in finished)),
+            "causes": dict(Counter(cause for one in finished for cause in one["causes"])),
+            "failed": failed,
+        }
         remove_partials(job.out)
         write_text(job.out / RECORD, json.dumps(record, indent=1) + "\n", "out")
         return record
@@ -124,7 +129,11 @@ def _finished(folder: Path) -> dict[str, Any]:
     """Return the record of a finished pair."""
     try:
         record = parse_json(read_bounded(folder / RESULT, LARGEST_RESULT).decode())
-        return {"status": str(record["status"]), "files": dict(record["files"])}
+        return {
+            "status": str(record["status"]),
+            "causes": list(dict(record["causes"])),
+            "files": dict(record["files"]),
+        }
     except (Refused, ValueError, KeyError, TypeError) as error:
         raise _changed(folder, f"{RESULT}: {error}") from error
 

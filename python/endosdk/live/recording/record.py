@@ -39,7 +39,7 @@ def record(
     most: int | None = None,
     temporal: bool = False,
 ) -> dict[str, Any]:
-    """Record until the source ends, or after ``most`` frames; return counts of each status and what went wrong.
+    """Record until the source ends, or after ``most`` frames; return counts of each status and cause, and what went wrong.
 
     ``temporal`` is that of `DepthEstimator.stream`.
 
@@ -73,6 +73,7 @@ def record(
     return {
         "frames": len(lines),
         "status": dict(Counter(line["status"] for line in lines)),
+        "causes": dict(Counter(cause for line in lines for cause in line["causes"])),
         "faults": [f"frame {line['number']}: {line['fault']}" for line in lines if line["fault"]],
         "notes": list(source.faults),
         "dropped": source.dropped,

@@ -58,6 +58,7 @@ def parse_line(text: str) -> dict[str, Any]:
             raise Refused(f"must have a whole {name}", repr(value))
     if not isinstance(line.get("status"), str) or not isinstance(line.get("fault"), str | None) or "tag" not in line:
         raise Refused("must have a status, a fault and a tag on every frame", f"frame {line['number']}")
+    _mapping(line.get("causes"))
     return line
 
 
