@@ -67,12 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         verbs: Iterable[str] = VERBS
     else:  # only the verb that runs is imported
         verbs = [word for word in words if not word.startswith("-")][:1]
-    options = build_parser(verbs).parse_args(words)
+    options = argparse.Namespace(verb="", json=False)
     with interrupts_heard() as interrupts:
         try:
+            options = _parsed(build_parser(verbs), words)
             status = int(importlib.import_module(f"endosdk.commands.{options.verb}").run(options))
-            if sys.stdout is not None:  # None where the caller closed it
-                sys.stdout.flush()  # here, where a reader that has gone away is still an exception to catch
+            _flush_output()
             return status
         except EndoError as error:
             return _refuse(options, error)
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _refuse(options, missing)
         except KeyboardInterrupt as interrupt:  # a verb that can go on says how
             said = interrupt.args[0] if interrupt.args else "interrupted"
-            print(f"endosdk {options.verb}: {said}", file=sys.stderr)
+            print(f"{_name(options)}: {said}", file=sys.stderr)
             return interrupts.status
         except BrokenPipeError:
             _drop_output()  # whoever read it has enough
@@ -93,6 +93,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 raise
             _drop_output()
             return _refuse(options, StorageFailed("output", "must be writable", error.strerror))
+
+
+def _parsed(parser: Parser, words: list[str]) -> argparse.Namespace:
+    """Return the arguments; a help or a completion is printed, and ends the program."""
+    try:
+        return parser.parse_args(words)
+    except SystemExit:
+        _flush_output()
+        raise
+
+
+def _flush_output() -> None:
+    """Write what is left now, where a reader that has gone away is still an exception to catch."""
+    if sys.stdout is not None:  # None where the caller closed it
+        sys.stdout.flush()
 
 
 def _drop_output() -> None:
@@ -147,9 +162,13 @@ class _PrintCompletion(argparse.Action):
         parser.exit()
 
 
+def _name(options: argparse.Namespace) -> str:
+    return f"endosdk {options.verb}".strip()
+
+
 def _refuse(options: argparse.Namespace, error: EndoError) -> int:
     """Say what is wrong, to people on stderr and with --json to programs on stdout."""
-    print(f"endosdk {options.verb}: {error}", file=sys.stderr)
+    print(f"{_name(options)}: {error}", file=sys.stderr)
     if options.json:
         said = {"code": error.code.name, "argument": error.argument, "rule": error.rule, "value": str(error.value)}
         print(json.dumps({"error": said}))
