@@ -9,6 +9,7 @@
 #include "bindings.hpp"
 #include "frame_path/causes.hpp"
 #include "frame_path/settings.hpp"
+#include "geometry/pose_error.hpp"
 #include "geometry/rig_file.hpp"
 #include "geometry/rig_rules.hpp"
 #include "maps/maps.hpp"
@@ -21,6 +22,7 @@
 #include "model/runtime_resources.hpp"
 #include "model/seal.hpp"
 #include "model/weights.hpp"
+#include "platform/threads.hpp"
 
 namespace py = pybind11;
 
@@ -47,6 +49,8 @@ void bind_numbers(py::module_& m) {
   m.attr("rig_file_format") = rig_file_format;
   m.attr("rig_file_version") = rig_file_version;
   m.attr("plausible_baseline_mm") = py::make_tuple(plausible_baseline_mm[0], plausible_baseline_mm[1]);
+  m.attr("certain_standard_errors") = certain_errors;
+  m.attr("max_threads") = max_threads;
   m.attr("range_margin") = range_margin;
   m.attr("saturation_level") = saturation_level;
   m.attr("calibration_rule") = calibration_rule;

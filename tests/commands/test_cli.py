@@ -85,7 +85,7 @@ def test_unrectified_pair_is_called_out(tmp_path, capsys):
     right = np.roll(right, 9, axis=0)
     pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
     assert main(["predict", *pair, "--model", str(TINY_MODEL), "--frames", "0", "--out", str(tmp_path / "o")]) == 1
-    assert "not rectified" in capsys.readouterr().out
+    assert "NOT_RECTIFIED: the rows of the two views do not correspond" in capsys.readouterr().out
 
 
 def test_vertical_disparity_is_in_pixels_of_the_frame(tmp_path, capsys):

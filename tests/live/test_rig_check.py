@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.commands.cli import main
-from endosdk.io.pictures import write_picture
+from endosdk.io.pictures import read_frame, write_picture
+from endosdk.live.frames import Frame
+from endosdk.live.rig_check import RigCheck, refine_rig
 from tests.core.test_pose_error import RIG, cycles_pair, turned
 
 ROTATION = (0.3, -0.25, 0.35)
@@ -47,6 +50,33 @@ def test_refine_writes_a_rig_that_fits(footage: Path, tmp_path: Path, capsys: py
     refined, truth = StereoCalibration.load(out), RIG.turned(ROTATION)
     off = np.degrees(np.abs(refined.rotation @ truth.rotation.T - np.eye(3)).max())
     assert off < 0.05
+
+
+def test_a_rig_that_fits_is_left_as_it_is(footage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new.json"
+    assert main(["calibrate", "refine", str(footage / "right.json"), str(footage), "--out", str(out)]) == 0
+    assert "nothing was written" in capsys.readouterr().out
+    assert not out.exists()
+
+
+def test_a_correction_that_makes_the_rows_worse_is_not_taken(footage: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # As of a rig whose lenses are not as they were calibrated: what its frames show is no rotation.
+    rig = StereoCalibration.load(footage / "rig.json")
+    frames = [Frame(*(read_frame(footage / side / "0.png") for side in ("left", "right")), 0, 0)]
+    away = tuple(-angle for angle in ROTATION)
+    monkeypatch.setattr(RigCheck, "certain_deg", property(lambda check: away))
+    refined, before, after = refine_rig(rig, frames)
+    assert refined is rig
+    assert after == before
+
+
+def test_only_turns_that_chance_does_not_explain_move_a_rig() -> None:
+    check = RigCheck(1, 1, 3.7, (-0.28, -0.64, 0.07), (0.05, 0.66, 0.08), drifted=True, causes={"RIG_MOVED": 1})
+    assert check.certain_deg == (-0.28, 0.0, 0.0)
+    assert not check.fits
+    assert not replace(check, drifted=False).fits
+    assert replace(check, drifted=False, causes={}).fits
+    assert not replace(check, drifted=False, causes={"NOT_RECTIFIED": 1}).fits
 
 
 def test_a_source_without_tissue_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

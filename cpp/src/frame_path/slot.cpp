@@ -134,14 +134,11 @@ void Slot::judge_rig(FrameReport& report) const {
   report.calibrated = has_rig_;
   report.pose = scratch_.rows.latest();
   if (!report.pose.measured) return;
-  // A turn that its standard error explains is none.
-  constexpr double certain = 4.0;
   const PoseError& pose = report.pose;
-  if (has_rig_) {
-    report.causes.set(Cause::rig_moved, pose.turn() > certain * pose.turn_se() ? degrees_per_radian * pose.turn() : 0.0);
-  } else {
-    report.causes.set(Cause::not_rectified, pose.vertical_px > certain * pose.vertical_se_px ? pose.vertical_px : 0.0);
-  }
+  if (has_rig_) report.causes.set(Cause::rig_moved, degrees_per_radian * turn_length(pose.certain_turns()));
+  if (report.causes.raised(Cause::rig_moved)) return;
+  // Rows may differ although no turn is large for certain: where lenses are not as they were calibrated, for instance.
+  report.causes.set(Cause::not_rectified, pose.vertical_px > certain_errors * pose.vertical_se_px ? pose.vertical_px : 0.0);
 }
 
 int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig) {

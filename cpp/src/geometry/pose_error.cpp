@@ -54,18 +54,13 @@ double PoseError::standard_error(int term) const {
   return std::sqrt(covariance[static_cast<size_t>(term) * (pose_terms + 1)]);
 }
 
-double PoseError::turn() const { return std::sqrt(value[0] * value[0] + value[1] * value[1] + value[2] * value[2]); }
-
-double PoseError::turn_se() const {
-  const double length = turn();
-  double variance = 0.0;
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t k = 0; k < 3; ++k) {
-      const double share = length > 0.0 ? value[i] * value[k] / (length * length) : (i == k ? 1.0 : 0.0);
-      variance += share * covariance[i * pose_terms + k];
-    }
+PoseVector PoseError::certain_turns() const {
+  PoseVector turns{};
+  for (int i = 0; i < 3; ++i) {
+    const double turn = value[static_cast<size_t>(i)];
+    if (std::abs(turn) > certain_errors * standard_error(i)) turns[static_cast<size_t>(i)] = turn;
   }
-  return std::sqrt(variance);
+  return turns;
 }
 
 void PoseMeasurements::resize(int count) {
@@ -206,6 +201,8 @@ void PoseMeasurements::finish(PoseError& error) const {
   error.vertical_se_px = std::sqrt(variance / count);
   error.mean_vertical_px = mean / count;
 }
+
+double turn_length(const PoseVector& value) { return std::sqrt(value[0] * value[0] + value[1] * value[1] + value[2] * value[2]); }
 
 Mat3 turn_of(const PoseVector& value) { return rotation_matrix({value[0], value[1], value[2]}); }
 

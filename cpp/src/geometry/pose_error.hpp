@@ -16,6 +16,7 @@ namespace endosdk {
 
 // Turns of the right camera about x, y and z, then the directions of the baseline down and forward, radians.
 constexpr int pose_terms = fit_terms;
+constexpr double certain_errors = 4.0;  // standard errors from which a measure is no chance
 constexpr double degrees_per_radian = 57.29577951308232;
 using PoseVector = std::array<double, pose_terms>;
 using PoseMatrix = std::array<double, pose_terms * pose_terms>;
@@ -60,9 +61,9 @@ struct PoseError {
 
   double standard_error(int term) const;
 
-  // Length of the three turns, radians, and its standard error.
-  double turn() const;
-  double turn_se() const;
+  // The turns about those axes about which chance does not explain them, 0 about the others. One axis that the picture
+  // hardly shows must neither hide what is certain about another one, nor add to it.
+  PoseVector certain_turns() const;
 };
 
 // What was measured of one pair. Keeps its memory between frames.
@@ -107,6 +108,9 @@ class PoseMeasurements {
 constexpr int pose_blocks_across = 8;
 constexpr int pose_blocks_down = 6;
 constexpr int pose_blocks = pose_blocks_across * pose_blocks_down;
+
+// Length of the three turns, radians.
+double turn_length(const PoseVector& value);
 
 // Rotation of the right camera by the three turns.
 Mat3 turn_of(const PoseVector& value);

@@ -11,7 +11,6 @@ constexpr double alike_frames = 4.0;
 constexpr double fading = 1.0 - 1.0 / 300.0;  // per frame
 
 constexpr double usual_surprise = 3.0;  // standard errors; a frame that is further off counts less
-constexpr double certain = 4.0;         // standard errors
 constexpr double harmless = 0.0017;     // radians, a tenth of a degree
 constexpr double least_correction = 0.0005;
 constexpr double longest_correction = 0.0017;
@@ -47,17 +46,17 @@ void PoseFilter::add(const PoseError& error, const PoseVector& corrected) {
   ++frames_;
 }
 
-bool has_drifted(const PoseError& steady) {
-  return steady.measured && steady.turn() > harmless && steady.turn() > certain * steady.turn_se();
-}
+bool has_drifted(const PoseError& steady) { return steady.measured && turn_length(steady.certain_turns()) > harmless; }
 
 std::optional<PoseVector> next_correction(const PoseVector& before, const PoseError& steady) {
   PoseError left = steady;
   for (size_t i = 0; i < 3; ++i) left.value[i] -= before[i];
-  if (!steady.measured || left.turn() <= certain * left.turn_se() || left.turn() <= least_correction) return std::nullopt;
-  const double share = std::min(1.0, longest_correction / left.turn());
+  const PoseVector missing = left.certain_turns();
+  const double length = turn_length(missing);
+  if (!steady.measured || length <= least_correction) return std::nullopt;
+  const double share = std::min(1.0, longest_correction / length);
   PoseVector next = before;
-  for (size_t i = 0; i < 3; ++i) next[i] += share * left.value[i];
+  for (size_t i = 0; i < 3; ++i) next[i] += share * missing[i];
   return next;
 }
 

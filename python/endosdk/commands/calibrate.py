@@ -109,14 +109,17 @@ def _watch(args: argparse.Namespace, report: Report) -> int:
     if args.way == "check":
         found = check_rig(calibration, progress(frames), args.model)
         _report_check(report, "found", found)
-        return report.end(usable=found.measured > 0 and not found.drifted)
+        return report.end(usable=found.fits)
     refined, before, after = refine_rig(calibration, frames, args.model)
     _report_check(report, "before", before)
     _report_check(report, "after", after)
+    if refined is calibration:
+        report.line("unchanged   the frames show no rotation that a correction would make smaller: nothing was written")
+        return report.end(usable=before.fits)
     refined.save(args.out)
     report.record |= {"written": args.out, "sha256": refined.sha256}
     report.line(f"written     {args.out}")
-    return report.end(usable=not after.drifted)
+    return report.end(usable=after.fits)
 
 
 def _report_check(report: Report, name: str, check: RigCheck) -> None:
@@ -132,10 +135,12 @@ def _report_check(report: Report, name: str, check: RigCheck) -> None:
         report.line(
             f"            right camera rotated about {axis} by {angle:+.3f} degrees, standard error {error:.3f}"
         )
-    if check.drifted:
+    if check.fits:
+        verdict = "the rig fits its calibration"
+    elif check.drifted:
         verdict = "the rig has moved since its calibration: run endosdk calibrate refine, or calibrate again"
     else:
-        verdict = "the rig fits its calibration"
+        verdict = "the rows of most frames differ: calibrate again"
     report.line(f"            {verdict}")
     for cause, count in sorted(check.causes.items()):
         report.line(f"            {cause} in {count} frames")

@@ -38,9 +38,16 @@ def run(args: argparse.Namespace) -> int:
         problems += explain_pair(report, args.pair, args.calibration)
     for problem in problems:
         report.line(f"PROBLEM      {problem}")
-    report.line("not ready" if problems else "all well")
+    report.line(_verdict(report, problems))
     report.record["problems"] = problems
     return report.end(usable=not problems)
+
+
+def _verdict(report: Report, problems: list[str]) -> str:
+    if problems:
+        return "not ready"
+    degraded = report.record.get("pair", {}).get("status") == "DEGRADED"
+    return "ready, but use this pair with care: see its causes" if degraded else "all well"
 
 
 def _packages(report: Report) -> list[str]:

@@ -35,12 +35,12 @@ def explain_pair(report: Report, pair: list[Path], calibration: Path | None) -> 
     }
     _causes(report, result)
     _reasons(report, result)
-    unusable = [
+    _rows(report, views)
+    return [
         f"the pair cannot be used: {_core.cause_facts[cause]['meaning']}"
         for cause, measure in result.causes.items()
         if result.status is Status.INVALID and _is_beyond(measure, _core.cause_facts[cause]["invalid"], cause)
     ]
-    return unusable + _rows(report, views, calibrated=rig is not None)
 
 
 def _is_beyond(measure: float, limit: float, cause: _core.Cause) -> bool:
@@ -78,20 +78,13 @@ def _reasons(report: Report, result: DepthResult) -> None:
     report.line(f"reasons      {', '.join(named) or 'none'}")
 
 
-def _rows(report: Report, views: tuple[Picture, Picture], *, calibrated: bool) -> list[str]:
-    """Say by how much the rows of the rectified views differ."""
-    from endosdk.commands.predict import VERTICAL_DISPARITY_LIMIT
+def _rows(report: Report, views: tuple[Picture, Picture]) -> None:
+    """Say by how much the rows of the rectified views differ. Whether that matters, the causes say."""
     from endosdk.evaluation.vertical_disparity import vertical_disparity
 
     offset = vertical_disparity(*views)
     report.record["pair"] |= {"vertical_disparity_px": offset.median_px, "matches": offset.matches}
     if offset.median_px is None:
         report.line(f"rows         too few matches to judge ({offset.matches})")
-        return []
-    differ = f"vertical disparity {offset.median_px:.2f} px (median of {offset.matches} matches)"
-    report.line(f"rows         {differ}")
-    if offset.median_px <= VERTICAL_DISPARITY_LIMIT:
-        return []
-    if not calibrated:
-        return [f"the pair is not rectified: {differ}; for a raw pair give its --calibration"]
-    return [f"the calibration does not fit the pair: {differ} after rectification"]
+    else:
+        report.line(f"rows         vertical disparity {offset.median_px:.2f} px (median of {offset.matches} matches)")

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endosdk import _core
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
 from endosdk.live.frames import Frame
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.rig_error import Angles, RigError
 
-CERTAIN = 4.0  # standard errors from which a rotation is no chance
+MISFITS = (_core.Cause.RIG_MOVED, _core.Cause.NOT_RECTIFIED)
 PASSES = 2  # of a correction: the second one finds what the first left
 
 
@@ -31,10 +32,19 @@ class RigCheck:
     causes: dict[str, int]  # frames that each cause was raised for
 
     @property
-    def certain(self) -> bool:
-        """Whether any angle is further from 0 than chance explains."""
-        pairs = zip(self.rotation_deg, self.rotation_se_deg, strict=True)
-        return any(abs(angle) > CERTAIN * error for angle, error in pairs)
+    def certain_deg(self) -> Angles:
+        """The angles that chance does not explain; 0 for the others, which must not move a rig."""
+        x, y, z = (
+            angle if abs(angle) > _core.certain_standard_errors * error else 0.0
+            for angle, error in zip(self.rotation_deg, self.rotation_se_deg, strict=True)
+        )
+        return x, y, z
+
+    @property
+    def fits(self) -> bool:
+        """Whether the rig was measured, and neither the frames together nor most of them say that it does not fit."""
+        against = max((self.causes.get(cause.name, 0) for cause in MISFITS), default=0)
+        return self.measured > 0 and not self.drifted and 2 * against <= self.frames
 
 
 def check_rig(calibration: StereoCalibration, frames: Iterable[Frame], model: str = "fast") -> RigCheck:
@@ -73,8 +83,13 @@ def refine_rig(
         rule = "must show tissue that can be measured in at least one pair"
         raise InvalidArgument("source", rule, f"{before.frames} frames, none measured")
     for _ in range(PASSES):
-        if not after.certain:
+        turns = after.certain_deg
+        if not any(turns):
             break
-        calibration = calibration.turned(after.rotation_deg)
-        after = check_rig(calibration, frames, model)
+        corrected = calibration.turned(turns)
+        found = check_rig(corrected, frames, model)
+        # NaN where the corrected rig cannot be measured any more: that is no gain either.
+        if not found.vertical_disparity_px < after.vertical_disparity_px:
+            break
+        calibration, after = corrected, found
     return calibration, before, after

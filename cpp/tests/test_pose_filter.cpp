@@ -1,0 +1,56 @@
+// What the measured turns of a rig are taken for: chance, drift, or a correction.
+#include <cmath>
+
+#include "check.hpp"
+#include "geometry/pose_filter.hpp"
+
+using namespace endosdk;
+
+namespace {
+
+constexpr double degree = 1.0 / degrees_per_radian;
+
+// Turns about x, y and z with their standard errors, degrees.
+PoseError error_of(const std::array<double, 3>& turns, const std::array<double, 3>& standard_errors) {
+  PoseError error;
+  error.measured = true;
+  for (size_t i = 0; i < 3; ++i) {
+    error.value[i] = degree * turns[i];
+    error.covariance[i * (pose_terms + 1)] = degree * standard_errors[i] * degree * standard_errors[i];
+  }
+  return error;
+}
+
+// A picture may hardly show the turn about y: what it says there must not hide a turn about x.
+void test_an_uncertain_axis_hides_no_other() {
+  const PoseError error = error_of({-0.28, -0.64, 0.07}, {0.025, 0.33, 0.04});
+  const PoseVector certain = error.certain_turns();
+  CHECK(certain[0] == error.value[0] && certain[1] == 0.0 && certain[2] == 0.0);
+  CHECK(std::abs(turn_length(certain) - 0.28 * degree) < 1e-12);
+  CHECK(has_drifted(error));
+}
+
+void test_chance_is_no_drift() {
+  CHECK(!has_drifted(error_of({0.3, -0.6, 0.2}, {0.1, 0.3, 0.1})));
+  CHECK(!has_drifted(error_of({0.05, 0.0, 0.0}, {0.001, 0.001, 0.001})));  // certain, and too small to matter
+  CHECK(!has_drifted(PoseError()));
+}
+
+void test_a_correction_moves_certain_axes_alone() {
+  const auto next = next_correction({}, error_of({-0.28, -0.64, 0.07}, {0.025, 0.33, 0.04}));
+  CHECK(next.has_value());
+  CHECK((*next)[0] < 0.0 && (*next)[0] >= -0.1 * degree && (*next)[1] == 0.0 && (*next)[2] == 0.0);
+  CHECK(!next_correction({}, error_of({0.0, 0.6, 0.0}, {0.02, 0.3, 0.02})).has_value());
+  PoseVector made{};
+  made[0] = -0.28 * degree;
+  CHECK(!next_correction(made, error_of({-0.28, 0.0, 0.0}, {0.025, 0.3, 0.04})).has_value());
+}
+
+}  // namespace
+
+int main() {
+  test_an_uncertain_axis_hides_no_other();
+  test_chance_is_no_drift();
+  test_a_correction_moves_certain_axes_alone();
+  return 0;
+}
