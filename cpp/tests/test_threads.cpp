@@ -35,6 +35,33 @@ void test_worker_limit() {
   }
 }
 
+// The caller's own work, loops of its own in it, beside a loop whose blocks others may have begun.
+void test_work_beside_a_loop() {
+  for (const int threads : {1, 2, 4}) {
+    set_thread_count(threads);
+    for (int repeat = 0; repeat < 200; ++repeat) {
+      const std::thread::id caller = std::this_thread::get_id();
+      std::atomic<int> sum{0};
+      int own = 0;
+      const auto work = [&] {
+        CHECK(std::this_thread::get_id() == caller);
+        parallel_for(10, 1, [&](int begin, int end, int worker) {
+          CHECK(std::this_thread::get_id() == caller && worker == 0);
+          own += end - begin;
+        });
+      };
+      parallel_for_beside(work, 100, 3, [&](int begin, int end, int) { sum += end - begin; });
+      CHECK(own == 10 && sum == 100);
+    }
+    const auto fails = [] { throw std::runtime_error("own work"); };
+    CHECK(rejection([&] { parallel_for_beside(fails, 100, 3, [](int, int, int) {}); }) == "own work");
+    CHECK(rejection([&] { parallel_for_beside([] {}, 100, 3, [](int, int, int) { throw std::runtime_error("body"); }); }) == "body");
+    std::atomic<int> after{0};
+    parallel_for(64, 1, [&](int begin, int end, int) { after += end - begin; });
+    CHECK(after == 64);
+  }
+}
+
 void test_loops_inside_loops() {
   std::atomic<int> sum{0};
   parallel_for(8, 1, [&](int, int, int) {
@@ -110,6 +137,7 @@ int main() {
     for (const int count : {0, 1, 2, 16, 17, 1000}) test_every_index_once(count, 16);
   }
   test_worker_limit();
+  test_work_beside_a_loop();
   test_loops_inside_loops();
   test_callers_with_different_counts();
   test_each_thread_has_its_own_count();
