@@ -159,7 +159,7 @@ def native(tmp_path: Path, baseline_mm: float) -> Path:
 
 @pytest.mark.parametrize("baseline_mm", [0.0045, 4500.0])
 def test_our_own_file_obeys_the_rule_of_plausible_baselines(tmp_path: Path, baseline_mm: float) -> None:
-    with pytest.raises(InvalidCalibration, match=r"baseline: rig\.json read in mm must give 0\.5 to 500 mm"):
+    with pytest.raises(InvalidCalibration, match=r"rig\.json: baseline: must be 0\.5 to 500 mm, read in mm; pass units="):
         StereoCalibration.load(native(tmp_path, baseline_mm))
     assert StereoCalibration.load(native(tmp_path, 4.5)).baseline_mm == 4.5
 

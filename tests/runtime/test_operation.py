@@ -132,7 +132,7 @@ def test_a_rig_whose_instruments_are_in_sight_is_no_warning(caplog):
 
 def test_a_rig_of_absurd_size_gets_a_line_that_has_an_end(caplog):
     with caplog.at_level(logging.INFO, "endosdk.rigs"):
-        DepthEstimator(TINY_MODEL, calibration=StereoCalibration.rectified(210.0, 1e150, (240, 120)))
+        DepthEstimator(TINY_MODEL, calibration=StereoCalibration.rectified(1e150, 210.0, (240, 120)))
     assert all(len(line.message) < 160 for line in caplog.records)
     assert caplog.records[0].message.endswith("e+150 mm; instruments come nearer, and get no depth there")
 

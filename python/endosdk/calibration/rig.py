@@ -90,6 +90,15 @@ class StereoCalibration:
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+        check_plausible_baseline(self.baseline_mm)
+
+    def __repr__(self) -> str:
+        """One line for people: matrices are not printed."""
+        kind = f"{self.model}, rectified" if self.is_rectified else self.model
+        return (
+            f"<StereoCalibration {self.width}x{self.height}, {kind}: focal length {self.left_matrix[0, 0]:.1f} px, "
+            f"baseline {self.baseline_mm:.2f} mm, SHA-256 {self.sha256[:12]}...>"
+        )
 
     @classmethod
     def load(
@@ -118,11 +127,12 @@ class StereoCalibration:
         try:
             calibration = cls(**stated.fields)
         except (InvalidArgument, InvalidCalibration) as error:  # the first: a width or a height
-            raise InvalidCalibration(f"{stated.source}: {error.argument}", error.rule, error.value) from error
+            unit = f", read in {stated.unit}; pass units= if the file is in mm, cm or m"
+            rule = error.rule + (unit if error.argument == "baseline" else "")
+            raise InvalidCalibration(f"{stated.source}: {error.argument}", rule, error.value) from error
         if stated.size_given:
             for side, matrix in (("left", calibration.left_matrix), ("right", calibration.right_matrix)):
                 check_principal_point(side, matrix, (calibration.width, calibration.height), stated.source)
-        check_plausible_baseline(calibration.baseline_mm, stated.source, stated.unit)
         if stated.sha256 not in (None, calibration.sha256):
             rule = f"must be the hash of the content, {calibration.sha256}; remove it if the file was edited on purpose"
             raise CalibrationUnreadable(f"{stated.source}: sha256", rule, stated.sha256)

@@ -112,12 +112,11 @@ def check_translation(name: str, value: Any) -> Matrix:
     return translation
 
 
-def check_plausible_baseline(baseline_mm: float, source: str, unit: str) -> None:
+def check_plausible_baseline(baseline_mm: float) -> None:
     """Refuse a baseline that only a mistaken unit explains."""
     low, high = _core.plausible_baseline_mm
     if not low <= baseline_mm <= high:
-        rule = f"{source} read in {unit} must give {low:g} to {high:g} mm; pass units= if it is in mm, cm or m"
-        raise InvalidCalibration("baseline", rule, f"{baseline_mm:.6g} mm")
+        raise InvalidCalibration("baseline", f"must be {low:g} to {high:g} mm", f"{baseline_mm:.6g} mm")
 
 
 def check_principal_point(side: str, matrix: Matrix, size: tuple[int, int], source: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from endosdk import _core
 from endosdk.errors import InvalidArgument
 
 Picture = npt.NDArray[np.uint8]
@@ -73,7 +74,7 @@ def check_threads(threads: Any) -> int:
     """Return the number of threads; 0 stands for the cores of this process, and None for that."""
     if threads is None:
         return 0
-    rule = "must be a whole number, 1 to 256"
+    rule = f"must be a whole number, 1 to {_core.max_threads}"
     if not _is_number(threads) or threads == 0:
         raise InvalidArgument("threads", rule, _shown(threads))
     return _whole("threads", threads, rule, threads)

@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from endosdk import _core
 from endosdk.errors import InvalidArgument
 from endosdk.training.looks import LOOKS
 
@@ -50,7 +51,7 @@ RANGES = {
     "log_every": (1, LARGEST),
     "validate_every": (1, LARGEST),
     "checkpoint_minutes": (0, LARGEST),
-    "threads": (1, 256),
+    "threads": (1, _core.max_threads),
 }
 
 
