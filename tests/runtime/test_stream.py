@@ -138,6 +138,14 @@ def test_an_error_comes_in_its_turn_and_the_estimator_lives(source, error, good)
     assert estimator.predict(*pairs(1)[0]).disparity.shape == SIZE
 
 
+@pytest.mark.parametrize(
+    ("item", "seen"), [((0,), "tuple of 1"), ([], "list of 0"), ((0, 0, 0, 0), "tuple of 4"), ("ab", "str")]
+)
+def test_an_item_that_is_no_pair_is_counted(item, seen):
+    with pytest.raises(errors.InvalidArgument, match=rf"must yield \(left, right\), .* got {seen} \["):
+        next(DepthEstimator(TINY_MODEL).stream([item]))
+
+
 def test_what_is_no_source_is_refused_at_once():
     with pytest.raises(errors.InvalidArgument, match="source"):
         DepthEstimator(TINY_MODEL).stream(3)

@@ -126,6 +126,7 @@ class DepthEstimator:
         self._info = session.info
         self._limits = limits
         self._channel_order = channel_order
+        self._provider, self._threads = provider, settings.threads or _core.default_threads()
         self._path = _core.FramePath(session, settings)
         self._calibration = calibration
         self._geometry = None
@@ -133,6 +134,13 @@ class DepthEstimator:
             self._geometry = calibration.rectification()
             self._path.set_calibration(rig_numbers(calibration))
         self._memory = MapMemory(calibrated=self._geometry is not None)
+
+    def __repr__(self) -> str:
+        """One line for people."""
+        rig = self._calibration
+        known = "no calibration" if rig is None else f"calibrated for {rig.width}x{rig.height}"
+        threads = f"{self._threads} thread{'' if self._threads == 1 else 's'}"
+        return f"<DepthEstimator {self._info.name} {self._info.version}: {self._provider}, {threads}, {known}>"
 
     def __enter__(self) -> Self:
         return self

@@ -151,7 +151,8 @@ def _checked(item: Any, channel_order: str) -> Drawn:
         return *views, check_stamp(item.monotonic_ns), item
     if not isinstance(item, tuple | list) or len(item) not in (2, 3):
         rule = "must yield (left, right), (left, right, stamp_ns) or frames of open_source"
-        raise InvalidArgument("source", rule, type(item).__name__)
+        count = f" of {len(item)}" if isinstance(item, tuple | list) else ""
+        raise InvalidArgument("source", rule, type(item).__name__ + count)
     return *check_pair(*item[:2]), check_stamp(item[2] if len(item) == 3 else None), None
 
 
