@@ -24,6 +24,7 @@ import endosdk
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.io.pictures import read_frame
 from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
@@ -120,6 +121,30 @@ def test_the_summary_names_the_causes_and_their_remedies(tmp_path, capsys):
     assert f"cause      SAME_VIEW_TWICE in {COUNT} frames: {remedy}\n" in capsys.readouterr().out
     assert main([*words, "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["causes"]["SAME_VIEW_TWICE"] == COUNT
+
+
+def test_replay_writes_what_the_depth_lies_over(tmp_path):
+    """A rig whose raw views are not rectified."""
+    rig = replace(RIG, left_distortion=(-0.3, 0.1, 0.0, 0.0), right_distortion=(-0.3, 0.1, 0.0, 0.0))
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS[:2]))
+    record(endosdk.open_source(video), estimator(rig), tmp_path / "r")
+    out = tmp_path / "pictures"
+    assert main(["replay", str(tmp_path / "r"), "--out", str(out)]) == 0
+    wanted = estimator(rig).rectify(*PAIRS[1])[0]
+    assert np.array_equal(read_frame(out / "left_rectified" / "000001.png"), wanted)
+    assert not np.array_equal(wanted, PAIRS[1][0])
+    assert StereoCalibration.load(out / "rig.json") == rig
+    lines = [json.loads(line) for line in (out / "frames.jsonl").read_text().splitlines()]
+    assert lines == Recording(tmp_path / "r").lines
+    assert lines[1]["stamp_ns"] == 40_000_000
+
+
+def test_replay_without_a_rig_writes_no_second_left_view(tmp_path):
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS[:2]))
+    record(endosdk.open_source(video), estimator(None), tmp_path / "r")
+    assert main(["replay", str(tmp_path / "r"), "--out", str(tmp_path / "pictures")]) == 0
+    found = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert found == {"left", "right", "disparity", "frames.jsonl"}
 
 
 def test_a_recording_keeps_the_whole_rig(video, tmp_path):

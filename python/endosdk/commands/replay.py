@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,8 @@ from endosdk.commands.report import Report
 if TYPE_CHECKING:
     from endosdk.live.recording.recording import Recording
 
+RECTIFIED = "left_rectified"  # folder of the pictures that the depth lies over
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -21,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder for left, right and depth images, or FILE.mkv, FILE.mcap, FILE.bag (ROS 1), FOLDER.ros2",
+        help="folder for images of both views and depth, or FILE.mkv, FILE.mcap, FILE.bag (ROS 1), FOLDER.ros2",
     )
 
 
@@ -47,16 +50,33 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _write_pictures(recording: Recording, out: Path) -> None:
-    """Write PNG pictures named by the number of their frame; depth in 0.1 mm, 16 bits, 0 where there is none."""
+    """Write PNG pictures named by the number of their frame, ``frames.jsonl``, and ``rig.json`` where there is a rig.
+
+    Maps of 16 bits, in the steps of the recording, 0 where there is no value. They lie over ``left_rectified``, without
+    a rig over ``left``.
+    """
     from endosdk.io.pictures import write_picture
+    from endosdk.io.whole_files import write_text
+    from endosdk.live.recording.texts import LINES
+    from endosdk.runtime.rectify import rectified
 
     name, step = recording.settings["map"]["name"], recording.settings["map"]["step"]
-    for folder in ("left", "right", name):
+    rig = recording.calibration
+    folders = [name, *(["left", "right"] if recording.settings["pictures"] else [])]
+    if rig is not None and recording.settings["pictures"]:
+        folders.append(RECTIFIED)
+    for folder in folders:
         (out / folder).mkdir(parents=True, exist_ok=True)
+    write_text(out / LINES, "".join(json.dumps(line) + "\n" for line in recording.lines), "out")
+    if rig is not None:
+        rig.save(out / "rig.json")
     for line, values in recording.maps():
         levels = np.rint(np.nan_to_num(values) / step).astype(np.uint16)
         write_picture(out / name / f"{line['number']:06d}.png", levels)
     if recording.settings["pictures"]:
         for frame in recording:
-            write_picture(out / "left" / f"{frame.number:06d}.png", frame.left)
-            write_picture(out / "right" / f"{frame.number:06d}.png", frame.right)
+            file = f"{frame.number:06d}.png"
+            write_picture(out / "left" / file, frame.left)
+            write_picture(out / "right" / file, frame.right)
+            if rig is not None:
+                write_picture(out / RECTIFIED / file, rectified(frame.left, frame.right, rig)[0])
