@@ -132,8 +132,8 @@ struct PythonSettings {
     std::tie(rest.limits.min_depth_mm, rest.limits.max_depth_mm) = depth_range_mm;
     rest.deadline_ms = deadline_ms;
     rest.max_age_ms = max_age_ms;
-    rest.log = {log_line<rig_logger>, nullptr, ENDO_LOG_INFO};
-    rest.frame_log = {log_line<frame_logger>, nullptr, ENDO_LOG_WARNING};
+    rest.log = {log_line<rig_logger>, nullptr, ENDO_LOG_INFO, nullptr};
+    rest.frame_log = {log_line<frame_logger>, nullptr, ENDO_LOG_WARNING, nullptr};
     check_settings(rest);
     if (rest.threads == 0) rest.threads = default_thread_count();
   }

@@ -186,7 +186,8 @@ ENDO_API endo_status endo_open_file(const char *path, const endo_options *option
 ENDO_API endo_status endo_open_memory(const void *data, size_t size, const endo_options *options,
                                       endo_estimator **estimator);
 
-/* Wait for the calls that run, then free everything; NULL is allowed. No later call may use the estimator. */
+/* Wait for the calls that run, then free everything; NULL is allowed. No later call may use the estimator. The log and thread
+   functions are not called any more, even where a stream lives on. */
 ENDO_API void endo_close(endo_estimator *estimator);
 
 /* ---- Calibration ---- */

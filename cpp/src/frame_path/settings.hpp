@@ -2,9 +2,11 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "frame_path/slot.hpp"
+#include "platform/host_gate.hpp"
 #include "platform/log.hpp"
 #include "platform/thread_start.hpp"
 
@@ -19,6 +21,7 @@ struct FramePathSettings {
   Log log;
   Log frame_log;  // lines about single frames
   ThreadHook thread_hook;
+  std::shared_ptr<HostGate> host_gate;  // that of log, frame_log and thread_hook; null: they can be called for ever
 };
 
 void check_settings(const FramePathSettings& settings);

@@ -186,6 +186,8 @@ void endo_close(endo_estimator* estimator) {
   if (estimator == nullptr || !estimator->process.is_this()) return;
   estimator->path->close();
   estimator->callers.wait_for_none();
+  // Streams may live on, but what the host's functions need may not.
+  estimator->path->settings().host_gate->close();
   delete estimator;
 }
 

@@ -107,8 +107,9 @@ OpenRequest open_request(const endo_options* options) {
   s.limits = {o.min_confidence, o.min_depth_mm, o.max_depth_mm, o.depth_unit_mm};
   s.deadline_ms = o.deadline_ms;
   s.max_age_ms = o.max_age_ms;
-  s.log = s.frame_log = {o.log, o.log_context, o.log_level};
-  s.thread_hook = {o.thread_started, o.thread_context};
+  s.host_gate = std::make_shared<HostGate>();
+  s.log = s.frame_log = {o.log, o.log_context, o.log_level, s.host_gate.get()};
+  s.thread_hook = {o.thread_started, o.thread_context, s.host_gate.get()};
   check_settings(s);
   if (s.threads == 0) s.threads = default_thread_count();
   if (o.provider != nullptr) request.session.provider = o.provider;

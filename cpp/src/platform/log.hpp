@@ -3,6 +3,8 @@
 
 #include <endosdk/endosdk.h>
 
+#include "platform/host_gate.hpp"
+
 namespace endosdk {
 
 // Messages of ONNX Runtime may have several lines.
@@ -16,9 +18,11 @@ struct Log {
   endo_log_function function = nullptr;
   void* context = nullptr;
   int level = ENDO_LOG_WARNING;
+  HostGate* gate = nullptr;
 
   void operator()(endo_log_level severity, const char* message) const {
-    if (function != nullptr && severity <= level) function(context, severity, message);
+    if (function == nullptr || severity > level) return;
+    HostGate::pass(gate, [&] { function(context, severity, message); });
   }
 };
 

@@ -4,6 +4,7 @@
 
 #include <endosdk/endosdk.h>
 
+#include "platform/host_gate.hpp"
 #include "platform/system.hpp"
 
 namespace endosdk {
@@ -12,13 +13,14 @@ namespace endosdk {
 struct ThreadHook {
   endo_thread_function function = nullptr;
   void* context = nullptr;
+  HostGate* gate = nullptr;
 };
 
 // To be called once, by the thread itself and before it works.
 inline void start_thread(const char* name, const ThreadHook& hook) {
   system::block_signals();
   system::name_this_thread(name);
-  if (hook.function != nullptr) hook.function(hook.context, name);
+  if (hook.function != nullptr) HostGate::pass(hook.gate, [&] { hook.function(hook.context, name); });
 }
 
 }  // namespace endosdk

@@ -27,7 +27,7 @@ void make_session(const Places& at, int offered, std::atomic<int>& started) {
   check(api.CreateSessionOptions(&options));
   const OrtHandle<OrtSessionOptions> held_options(options, api.ReleaseSessionOptions);
   check(api.SetIntraOpNumThreads(options, taken + 1));
-  SessionThreads threads(offered, {count, &started});
+  SessionThreads threads(offered, {count, &started, nullptr});
   CHECK(started == offered);
   threads.offer(*runtime, options);
   const std::string model = read_file(at.model);

@@ -219,6 +219,10 @@ void closing_an_estimator_ends_its_streams(const Places& at) {
   endo_estimator* handle = nullptr;
   endo_options options = default_options(at);
   options.threads = 1;
+  options.deadline_ms = 1e-6;  // each frame logs that it was late
+  std::atomic<int> lines{0};
+  options.log = [](void* context, int32_t, const char*) { ++*static_cast<std::atomic<int>*>(context); };
+  options.log_context = &lines;
   CHECK(endo_open_file(at.model.c_str(), &options, &handle) == ENDO_OK);
   endo_stream* stream = nullptr;
   CHECK(endo_stream_open(handle, width, height, nullptr, &stream) == ENDO_OK);
@@ -232,11 +236,13 @@ void closing_an_estimator_ends_its_streams(const Places& at) {
   std::thread waits([&] { status = endo_stream_submit(stream, &left, &right, &second.result); });  // for room
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   endo_close(handle);
+  const int before = lines.exchange(-1000);  // what the log function needs may now be gone
   waits.join();
-  CHECK(status == ENDO_INVALID_ARGUMENT);
+  CHECK(status == ENDO_INVALID_ARGUMENT && before == 0);
   expect(endo_stream_submit(stream, &left, &right, &second.result), ENDO_INVALID_ARGUMENT, "estimator: must be open");
   endo_result* received = nullptr;
   CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == &first.result && first.result.frame == 1);
+  CHECK(first.result.late == 1 && lines == -1000);
   CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == nullptr);
   endo_stream_close(stream);
 }
