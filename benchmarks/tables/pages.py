@@ -8,6 +8,7 @@ from functools import partial
 
 from benchmarks.paper.page_tables import page_tables
 from benchmarks.tables.attacks import attacks_table, fuzzed_table, spoilt_files_table
+from benchmarks.tables.codes import error_codes_table
 from benchmarks.tables.errors import (
     accuracy_table,
     edges_table,
@@ -51,6 +52,7 @@ DOCUMENTS = (
     "docs/numbers.md",
     "docs/datasets/endosim-gi.md",
     "docs/model-file.md",
+    "docs/troubleshooting.md",
     "docs/trust.md",
     "docs/hardening.md",
     "docs/history/models.md",
@@ -80,6 +82,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "arm-instructions": arm_instructions_table,
     "attacks": attacks_table,
     "causes": causes_table,
+    "error-codes": error_codes_table,
     "fault-naming": fault_naming_table,
     "min-confidence": min_confidence_table,
     "reasons": reasons_table,

@@ -75,125 +75,152 @@ def _shortened(value: object) -> str:
 
 
 class InvalidArgument(EndoError, ValueError):
-    """An argument has the wrong type, shape, size or range."""
+    """An argument has the wrong type, shape, size or range. Correct the argument that the error names."""
 
 
 class InvalidCalibration(EndoError, ValueError):
-    """The numbers of a calibration cannot describe a stereo rig."""
+    """The numbers of a calibration cannot describe a stereo rig.
+
+    Calibrate again, or correct the field that the error names.
+    """
 
     code = ErrorCode.INVALID_CALIBRATION
 
 
 class CalibrationRequired(EndoError, RuntimeError):
-    """Metric output was asked for without a calibration."""
+    """Metric output was asked for without a calibration. Give a calibration, or do not ask for depth."""
 
     code = ErrorCode.CALIBRATION_REQUIRED
 
 
 class CalibrationSizeMismatch(EndoError, ValueError):
-    """The calibration belongs to another image size."""
+    """The calibration belongs to another image size.
+
+    Use frames of the calibrated size, or `StereoCalibration.scaled`.
+    """
 
     code = ErrorCode.CALIBRATION_SIZE_MISMATCH
 
 
 class CalibrationUnreadable(EndoError, ValueError):
-    """A calibration file is missing, broken or in no known layout."""
+    """A calibration file is missing, broken or in no known layout. Check the path and the layout of the file."""
 
     code = ErrorCode.CALIBRATION_UNREADABLE
 
 
 class ModelNotFound(EndoError, FileNotFoundError):
-    """No shipped model has this name and no file has this path."""
+    """No shipped model has this name and no file has this path.
+
+    Use a name that `endosdk doctor` lists, or the path of a file.
+    """
 
     code = ErrorCode.MODEL_NOT_FOUND
 
 
 class ModelUnreadable(EndoError, ValueError):
-    """The bytes are not an ONNX model that the runtime accepts."""
+    """The bytes are not an ONNX model that the runtime accepts.
+
+    Copy the file again: it is damaged, or no ONNX model.
+    """
 
     code = ErrorCode.MODEL_UNREADABLE
 
 
 class ModelMetadata(EndoError, ValueError):
-    """The model lacks, or contradicts, what its metadata must say."""
+    """The model lacks, or contradicts, what its metadata must say. Export the model with `endosdk export`."""
 
     code = ErrorCode.MODEL_METADATA
 
 
 class ModelHashMismatch(EndoError, ValueError):
-    """The bytes of a shipped model are not the ones that were released."""
+    """The bytes of a model are not those that were released or pinned.
+
+    Install the package again, or correct the hash that you pinned.
+    """
 
     code = ErrorCode.MODEL_HASH_MISMATCH
 
 
 class RuntimeMissing(EndoError, ImportError):
-    """No onnxruntime is installed."""
+    """No onnxruntime is installed. Install ONNX Runtime: `pip install "endosdk[cpu]"`."""
 
     code = ErrorCode.RUNTIME_MISSING
 
 
 class RuntimeConflict(EndoError, ImportError):
-    """onnxruntime and onnxruntime-gpu are installed over each other."""
+    """onnxruntime and onnxruntime-gpu are installed over each other. Uninstall both, then install one of them."""
 
     code = ErrorCode.RUNTIME_CONFLICT
 
 
 class RuntimeHashMismatch(EndoError, ValueError):
-    """The file of ONNX Runtime is not the one that was pinned."""
+    """The file of ONNX Runtime is not the one that was pinned. Use the file that you pinned, or pin this one."""
 
     code = ErrorCode.RUNTIME_HASH_MISMATCH
 
 
 class ProviderUnavailable(EndoError, RuntimeError):
-    """The execution provider that was asked for is not there."""
+    """The execution provider that was asked for is not there.
+
+    Install an ONNX Runtime that has it, or choose another provider.
+    """
 
     code = ErrorCode.PROVIDER_UNAVAILABLE
 
 
 class InferenceFailed(EndoError, RuntimeError):
-    """The runtime reported an error while running the model."""
+    """The runtime reported an error while running the model. Read the rule: it holds the message of ONNX Runtime."""
 
     code = ErrorCode.INFERENCE_FAILED
 
 
 class DatasetInvalid(EndoError, ValueError):
-    """A data set on disk does not follow its layout."""
+    """A data set on disk does not follow its layout. Render or download the data set again."""
 
     code = ErrorCode.DATASET_INVALID
 
 
 class DependencyMissing(EndoError, ImportError):
-    """An optional dependency is not installed; the rule names the command that installs it."""
+    """An optional dependency is not installed; the rule names the command that installs it.
+
+    Run the command that the error names.
+    """
 
     code = ErrorCode.DEPENDENCY_MISSING
 
 
 class RendererUnavailable(EndoError, RuntimeError):
-    """The renderer cannot start on this machine; the rule says what it needs."""
+    """The renderer cannot start on this machine; the rule says what it needs. Install what the error names."""
 
     code = ErrorCode.RENDERER_UNAVAILABLE
 
 
 class StorageFailed(EndoError, OSError):
-    """A file could not be written: full disk, read-only folder."""
+    """A file could not be written: full disk, read-only folder. Free some space, or choose another folder."""
 
     code = ErrorCode.STORAGE_FAILED
 
 
 class SourceFailed(EndoError, OSError):
-    """A source of frames cannot be read, or not any further: a broken video, a camera that is gone."""
+    """A source of frames cannot be read, or not any further: a broken video, a camera that is gone.
+
+    Check the camera, the cable or the file.
+    """
 
     code = ErrorCode.SOURCE_FAILED
 
 
 class Cancelled(EndoError, RuntimeError):
-    """Another thread cancelled the call."""
+    """Another thread cancelled the call. Call again."""
 
     code = ErrorCode.CANCELLED
 
 
 class OutOfMemory(EndoError, MemoryError):
-    """Memory, or the number of threads this process may have, is used up."""
+    """Memory, or the number of threads this process may have, is used up.
+
+    Use fewer threads or smaller frames, or raise the limits of the process.
+    """
 
     code = ErrorCode.OUT_OF_MEMORY
 
@@ -210,13 +237,16 @@ def typed_memory_errors() -> Iterator[None]:
 
 
 class SelfTestFailed(EndoError, RuntimeError):
-    """The model does not give the known answer of a built-in pair."""
+    """The model does not give the known answer of a built-in pair.
+
+    Do not use this installation. Install it again, and report the error if it stays.
+    """
 
     code = ErrorCode.SELF_TEST_FAILED
 
 
 class InternalError(EndoError, RuntimeError):
-    """A bug in endosdk."""
+    """A bug in endosdk. Please report it with `DepthEstimator.diagnostics()`."""
 
     code = ErrorCode.INTERNAL
 
