@@ -367,7 +367,7 @@ ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *l
 
 /* Copy the latest pair as the network saw it, tight RGB rows at the network's size, which endo_get_diagnostics states; NULL:
    not wanted. capacity: bytes that each output can hold. The right view of a rectified rig with doffs of more than 0.5 px
-   lies doffs further left here. */
+   lies doffs further left here. A frame that was cancelled or failed half-way has overwritten the pair: there is none then. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
 /* Make the calls that are running, and the frames in flight, end with ENDO_CANCELLED soon. From any thread. */

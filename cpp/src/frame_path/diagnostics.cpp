@@ -28,9 +28,11 @@ JsonObject FramePath::diagnostics() const {
   {
     const std::lock_guard lock(state_);
     report.raw("calibration_sha256", rig_ ? json_string(rig_->sha256()) : "null");
-    if (picture_) {
-      report.count("network_width", static_cast<uint64_t>(picture_->width));
-      report.count("network_height", static_cast<uint64_t>(picture_->height));
+    // That of `rectified` where it has pictures: a stream of another size may be open.
+    const std::optional<Size> picture = latest_ ? latest_->stage().picture() : picture_;
+    if (picture) {
+      report.count("network_width", static_cast<uint64_t>(picture->width));
+      report.count("network_height", static_cast<uint64_t>(picture->height));
     }
   }
   report.number("nearest_depth_mm", nearest_depth_mm()).number("deadline_ms", settings_.deadline_ms).number("max_age_ms", settings_.max_age_ms);

@@ -100,10 +100,14 @@ const std::shared_ptr<Slot>& FramePath::prepared(Size frame, const Work& work) {
   const std::shared_ptr<const Rig> rig = calibration();
   auto stage = std::make_shared<const RectifyStage>(frame, rig.get(), network_size(frame), [&] { work.check(); });
   const Size picture = stage->picture();
-  slot_ = std::make_shared<Slot>(std::move(stage), sessions_.of(picture));
+  use(std::make_shared<Slot>(std::move(stage), sessions_.of(picture)));
+  return slot_;
+}
+
+void FramePath::use(std::shared_ptr<Slot> slot) {
+  slot_ = std::move(slot);
   const std::lock_guard lock(state_);
   picture_ = slot_->stage().picture();
-  return slot_;
 }
 
 void FramePath::prepare(Size frame) {
@@ -145,20 +149,31 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
 FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked) {
   Work work(cancelling_);
   const Clock::time_point started = Clock::now();
+  const std::shared_ptr<Slot> former = slot_;
+  try {
+    const std::shared_ptr<Slot> slot = prepared(pair.size(), work);
+    FrameReport report;
+    report.rectify_ms = milliseconds(started, Clock::now());
+    compute_in(*slot, pair, wanted, work, report);
+    finish(report, asked);
+    return report;
+  } catch (...) {
+    if (former) use(former);  // a frame of another size that failed must not cost the next one its maps
+    throw;
+  }
+}
+
+void FramePath::compute_in(Slot& slot, const FramePair& pair, const MapsOut& wanted, Work& work, FrameReport& report) {
+  work.check();
   {
     const std::lock_guard lock(state_);
-    latest_.reset();  // its pictures are about to be overwritten
+    if (latest_.get() == &slot) latest_.reset();  // its pictures are about to be overwritten
   }
-  Slot& slot = *prepared(pair.size(), work);
-  FrameReport report;
-  report.rectify_ms = milliseconds(started, Clock::now());
   slot.rectify(pair, report);
   slot.infer(work, report);
   slot.answer(wanted, settings_.limits, calibration().get(), work, report);
-  finish(report, asked);
   report.stamp_ns = pair.stamp_ns;
   report.identity = identity();
-  return report;
 }
 
 void FramePath::finish(FrameReport& report, Clock::time_point asked) const {
@@ -257,7 +272,8 @@ Size FramePath::rectified_size() {
   process_.check();
   const std::lock_guard lock(calls_);
   const std::lock_guard state(state_);
-  require(latest_ != nullptr, "estimator", "must have answered a frame before its pictures can be copied", "no frame yet");
+  require(latest_ != nullptr, "estimator", "must have answered a frame, and no other may have failed half-way since",
+          "no frame yet, or one that failed");
   return latest_->stage().picture();
 }
 

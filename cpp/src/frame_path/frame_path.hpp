@@ -83,8 +83,10 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   void check_open() const;
   void check_stamp(const FramePair& pair) const;
   const std::shared_ptr<Slot>& prepared(Size frame, const Work& work);
+  void use(std::shared_ptr<Slot> slot);
   void keep_calibration(std::optional<Rig> rig);
   FrameReport compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked);
+  void compute_in(Slot& slot, const FramePair& pair, const MapsOut& wanted, Work& work, FrameReport& report);
   void finish(FrameReport& report, Clock::time_point asked) const;
   void judge_age(FrameReport& report) const;
   void hand_out(FrameReport& report);
@@ -113,7 +115,7 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   std::shared_ptr<const Rig> rig_;
   std::shared_ptr<const Identity> identity_;
   std::shared_ptr<Slot> latest_;  // its pictures belong to the latest finished frame
-  std::optional<Size> picture_;
+  std::optional<Size> picture_;  // of the size that was asked for last
   bool closed_ = false;
 };
 

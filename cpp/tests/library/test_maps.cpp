@@ -134,6 +134,27 @@ void the_rectified_pair_can_be_seen(const Places& at) {
   expect(endo_get_rectified(estimator.get(), left.data(), nullptr, 5), ENDO_INVALID_ARGUMENT, "capacity");
   CHECK(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()) == ENDO_OK);
   CHECK(left == pair.left);
+
+  // Neither a call that failed nor a stream of another size takes it away.
+  expect(estimator.predict(Pair(width, height + 8, 9), out), ENDO_INVALID_ARGUMENT, "capacity");
+  const endo_calibration other = raw_rig(width + 32, height);
+  endo_stream* stream = nullptr;
+  CHECK(endo_stream_open(estimator.get(), 2 * width, 2 * height, nullptr, &stream) == ENDO_OK);
+  std::vector<char> report(8192);
+  CHECK(endo_get_diagnostics(estimator.get(), report.data(), report.size(), nullptr) == ENDO_OK);
+  CHECK(std::strstr(report.data(), "\"network_width\":160,\"network_height\":96,") != nullptr);
+  std::fill(left.begin(), left.end(), uint8_t{0});
+  CHECK(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()) == ENDO_OK && left == pair.left);
+  endo_stream_close(stream);
+
+  CHECK(endo_set_calibration(estimator.get(), &other) == ENDO_OK);
+  Output wide(pixels + 32 * height);
+  const Pair wide_pair(width + 32, height, 9);
+  CHECK(estimator.predict(wide_pair, wide) == ENDO_OK);
+  expect(estimator.predict(pair, wide), ENDO_CALIBRATION_SIZE_MISMATCH, "192x96");
+  std::vector<uint8_t> seen(3 * (pixels + 32 * height));
+  CHECK(endo_get_rectified(estimator.get(), seen.data(), nullptr, seen.size()) == ENDO_OK);
+
   const endo_calibration rig = raw_rig(width, height);
   CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
   expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "no frame yet");

@@ -82,6 +82,8 @@ void a_running_frame_can_be_cancelled(const Places& at) {
   Output out(size_t{w} * h);
   std::atomic<bool> finished{false};
   CHECK(endo_cancel(estimator.get()) == ENDO_OK);  // nothing runs: nothing happens
+  const Pair small(width, height, 9);
+  CHECK(estimator.predict(small, out) == ENDO_OK);
   std::thread canceller([&] {
     while (!finished) {
       endo_cancel(estimator.get());
@@ -93,6 +95,12 @@ void a_running_frame_can_be_cancelled(const Places& at) {
   canceller.join();
   expect(status, ENDO_CANCELLED, "cancel");
   CHECK(out.result.quality == ENDO_QUALITY_INVALID && std::isnan(out.disparity[5]));
+  // The estimator is as it was: prepared for the frame before, whose pair can still be copied.
+  std::vector<uint8_t> left(3 * pixels);
+  CHECK(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()) == ENDO_OK && left == small.left);
+  std::vector<char> report(8192);
+  CHECK(endo_get_diagnostics(estimator.get(), report.data(), report.size(), nullptr) == ENDO_OK);
+  CHECK(std::strstr(report.data(), "\"network_width\":160,") != nullptr);
   CHECK(estimator.predict(pair, out) == ENDO_OK);
 }
 
