@@ -412,6 +412,14 @@ def test_other_settings_are_refused(recorded, video):
         record(endosdk.open_source(video), estimator(None), recorded)
 
 
+def test_the_same_source_read_in_another_way_is_another_one(video, tmp_path, capsys):
+    words = ["run", str(video), "--model", str(TINY_MODEL), "--out", str(tmp_path / "r")]
+    main([*words, "--swap", "--frames", "2"])
+    assert np.array_equal(next(iter(Recording(tmp_path / "r"))).left, PAIRS[0][1])
+    assert main([*words, "--frames", "2"]) == 2
+    assert "same source, model, rig and limits" in capsys.readouterr().err
+
+
 def test_what_is_done_is_not_done_again(recorded, video):
     before = (recorded / "depth.mkv").stat().st_mtime_ns
     assert record(endosdk.open_source(video), estimator(), recorded)["frames"] == COUNT

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import endosdk
-from endosdk import Cause, DepthEstimator
-from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk import Cause, DepthEstimator, StereoCalibration
+from endosdk.errors import CalibrationSizeMismatch, InvalidArgument, SourceFailed
 from endosdk.io.pictures import write_picture
 from endosdk.live.answers import answers
 from endosdk.live.frames import Frame
@@ -21,6 +21,7 @@ from endosdk.live.sources.newest import Newest
 from endosdk.live.sources.source import Source, SourceOptions
 from endosdk.live.sources.v4l2 import Device, lost_between, simultaneous
 from endosdk.live.sources.video_input import Piped
+from endosdk.live.sources.views import split, ways_to_split
 from tests.conftest import TINY_MODEL, shifted_pair
 from tests.live.videos import RATE, side_by_side, views, write
 
@@ -77,14 +78,74 @@ def test_folders_of_16_bits(tmp_path):
         list(endosdk.open_source(root))
 
 
-@pytest.mark.parametrize("layout", ["side-by-side", "top-bottom"])
-def test_a_lossless_video_gives_the_very_pixels(tmp_path, layout):
-    joined = [np.hstack(pair) if layout == "side-by-side" else np.vstack(pair) for pair in PAIRS]
-    source = endosdk.open_source(write(tmp_path / "v.mkv", joined), layout=layout)
+def joined_by(layout, pair, gap=0):
+    """One picture of two views."""
+    left, right = pair
+    if layout == "rows":
+        return np.stack([left, right], axis=1).reshape(-1, *left.shape[1:])
+    axis = 1 if layout == "side-by-side" else 0
+    shape = list(left.shape)
+    shape[axis] = gap
+    return np.concatenate([left, np.zeros(shape, np.uint8), right], axis=axis)
+
+
+@pytest.mark.parametrize(
+    ("layout", "gap"), [("side-by-side", 0), ("top-bottom", 0), ("rows", 0), ("top-bottom", 6), ("side-by-side", 4)]
+)
+def test_a_lossless_video_gives_the_very_pixels(tmp_path, layout, gap):
+    joined = [joined_by(layout, pair, gap) for pair in PAIRS]
+    source = endosdk.open_source(write(tmp_path / "v.mkv", joined), layout=layout, gap=gap)
     frames = list(source)
     check(frames)
     assert [frame.stamp_ns for frame in frames] == [n * 40_000_000 for n in range(5)]
     check(list(source))  # a file can be read again
+
+
+def test_the_eyes_can_be_exchanged_in_every_source(tmp_path):
+    exchanged = [(right, left) for left, right in PAIRS]
+    video = write(tmp_path / "v.mkv", side_by_side(exchanged))
+    for queue in ("every", "newest"):
+        frames = list(endosdk.open_source(video, swap=True, queue=queue))
+        assert np.array_equal(frames[-1].left, PAIRS[-1][0])
+        assert np.array_equal(frames[-1].right, PAIRS[-1][1])
+    root = folders(tmp_path / "pictures")
+    check(list(endosdk.open_source((root / "right", root / "left"), swap=True)))
+
+
+def test_rows_of_two_views_are_not_taken_for_fields(tmp_path):
+    joined = [joined_by("rows", pair) for pair in PAIRS]
+    path = write(tmp_path / "v.mkv", joined, "mpeg2video", "yuv422p", interlaced=True, options={"b": "8M"})
+    check(list(endosdk.open_source(path, layout="rows")), tolerance=8)
+
+
+@pytest.mark.parametrize(
+    ("picture", "ways"),
+    [
+        ((128, 48), ["--layout side-by-side"]),
+        ((64, 96), ["--layout top-bottom", "--layout rows"]),
+        ((64, 102), ["--layout top-bottom --gap 6"]),
+        ((64, 48), ["--layout side-by-side-half", "--layout top-bottom-half", "--layout rows-half"]),
+        ((640, 480), []),
+    ],
+)
+def test_the_ways_to_split_a_picture_are_found_by_its_size(picture, ways):
+    assert ways_to_split(picture, (64, 48)) == ways
+    for way in ways:
+        options = dict(zip(("layout", "gap"), way.removeprefix("--layout ").split(" --gap "), strict=False))
+        views = split(np.zeros((*picture[::-1], 3), np.uint8), options["layout"], int(options.get("gap", 0)))
+        assert [view.shape for view in views] == [(48, 64, 3)] * 2
+
+
+def test_a_rig_of_another_size_is_refused_with_the_layout_that_fits(tmp_path):
+    rig = StereoCalibration.rectified(focal_px=120.0, baseline_mm=5.0, size=(64, 48))
+    estimator = DepthEstimator(str(TINY_MODEL), calibration=rig, threads=1)
+    video = write(tmp_path / "v.mkv", [np.vstack(pair) for pair in PAIRS])
+    with pytest.raises(CalibrationSizeMismatch, match=r"frames of 32x96; try --layout top-bottom or --layout rows; got 64x48"):
+        list(answers(estimator, endosdk.open_source(video)))
+    two = write(tmp_path / "l.mkv", [np.zeros((30, 40, 3), np.uint8)] * 2)
+    with pytest.raises(CalibrationSizeMismatch) as refused:
+        list(answers(estimator, endosdk.open_source((two, two))))
+    assert "try" not in str(refused.value)
 
 
 def test_half_width_video_is_stretched_again(tmp_path):
@@ -365,6 +426,10 @@ def _until_error(source):
         ("v.mp4", {"raw": "gray:4x4"}, "standard input"),
         ("v.mp4", {"layout": "diagonal"}, "side-by-side"),
         ("v.mp4", {"rate": 0.0}, "frames a second"),
+        ("v.mp4", {"gap": -1}, "gap: must be whole pixels"),
+        ("v.mp4", {"gap": 2, "layout": "rows"}, "gap: must be 0"),
+        ("v.mp4", {"scan": "interlaced", "layout": "rows"}, "scan: must not be interlaced"),
+        ("v.mp4", {"swap": "yes"}, "swap: must be True or False"),
         ("v.mp4", {"bits": 12}, "bits: is of picture files, so the source must be folders"),
         ("v.mp4", {"bits": 8}, "must be one of 10, 12, 16"),
     ],

@@ -72,7 +72,9 @@ def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardC
     if len(args.source) > 2:
         raise InvalidArgument("source", "must be one source, or two folders", args.source)
     folders = two_folders(args.source[0]) if len(args.source) == 1 else (Path(args.source[0]), Path(args.source[1]))
-    views, size, left_out = _from_folders(folders, board, args.bits) if folders else _from_source(args, board)
+    views, size, left_out = (
+        _from_folders(folders, board, args.bits, args.swap) if folders else _from_source(args, board)
+    )
     _say_left_out(left_out)
     result = calibrate_views(views, size)
     refused = [LeftOut(name, reason) for name, reason in result.refused.items()]
@@ -88,7 +90,7 @@ def _say_left_out(views: list[LeftOut]) -> None:
 
 
 def _from_folders(
-    folders: tuple[Path, Path], board: Board, bits: int | None
+    folders: tuple[Path, Path], board: Board, bits: int | None, swap: bool
 ) -> tuple[list[BoardView], tuple[int, int], list[LeftOut]]:
     """Look at every pair of two folders. One that cannot be used is named and left out."""
     from endosdk.calibration.board_page import LeftOut
@@ -103,7 +105,7 @@ def _from_folders(
     for paths in progress(pair_pictures(*folders)):
         name = f"{paths[0].name}, {paths[1].name}"
         try:
-            left, right = (read_frame(path, bits=bits) for path in paths)
+            left, right = (read_frame(path, bits=bits) for path in (paths[::-1] if swap else paths))
         except InvalidArgument as error:
             left_out.append(LeftOut(name, str(error)))
             continue

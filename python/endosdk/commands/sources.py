@@ -40,6 +40,8 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         help="raw pixel format on standard input, such as uyvy422:1920x1080 (default: Y4M)",
     )
     add_bits(parser)
+    parser.add_argument("--swap", action="store_true", help="exchange the views: the right eye comes first")
+    parser.add_argument("--gap", type=int, default=0, help="columns or rows between the two views in one image, px")
 
 
 def add_temporal(parser: argparse.ArgumentParser) -> None:
@@ -52,5 +54,5 @@ def opened_source(args: argparse.Namespace, word: str | None = None) -> Source:
     from endosdk import open_source
 
     name = args.source if word is None else word
-    reading = ("layout", "queue", "scan", "rate", "raw", "bits")
+    reading = ("layout", "queue", "scan", "rate", "raw", "bits", "swap", "gap")
     return open_source(name, **{option: getattr(args, option) for option in reading})

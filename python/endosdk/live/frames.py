@@ -18,7 +18,8 @@ class Frame:
     ``number`` counts the frames of the source from 0, those that were dropped included. ``stamp_ns`` never runs
     backwards; `Source.clock` says what it counts from. ``tag`` is whatever the user attached. ``fault`` says what was
     wrong with this frame, None where nothing was. ``monotonic_ns`` is when it was taken by the clock of
-    ``time.monotonic_ns()``; None where the source is not live: its age would say nothing.
+    ``time.monotonic_ns()``; None where the source is not live: its age would say nothing. ``picture`` is the size,
+    (width, height) in px, of the picture that held both views; None where each came by itself.
     """
 
     left: Picture
@@ -28,3 +29,4 @@ class Frame:
     tag: Any = None
     fault: str | None = None
     monotonic_ns: int | None = None
+    picture: tuple[int, int] | None = None

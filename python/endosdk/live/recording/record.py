@@ -39,9 +39,9 @@ def record(
     most: int | None = None,
     temporal: bool = False,
 ) -> dict[str, Any]:
-    """Record until the source ends, or after ``most`` frames; return counts of each status and cause, and what went wrong.
+    """Record until the source ends, or after ``most`` frames; return how many got which status and which cause.
 
-    ``temporal`` is that of `DepthEstimator.stream`.
+    ``faults`` and ``notes`` are what went wrong. ``temporal`` is that of `DepthEstimator.stream`.
 
     ``out`` is a folder, or ends in one of `FILES`. What was begun there and stopped goes on. A camera or a pipe cannot
     be continued, so a KeyboardInterrupt after its first frame ends the recording as the end of the source does: all

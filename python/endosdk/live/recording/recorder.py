@@ -183,6 +183,7 @@ def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, tempo
     quantity = "disparity" if rig is None else "depth"
     return {
         "source": source.word,
+        "views": {name: getattr(source.options, name) for name in ("layout", "gap", "swap")},
         "clock": source.clock,
         "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
         "calibration": None if rig is None else rig.content(),

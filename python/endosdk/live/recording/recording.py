@@ -17,7 +17,7 @@ from endosdk.live.frames import Frame
 from endosdk.live.recording.sixteen_bits import from_levels
 from endosdk.live.recording.texts import LINES, PARTS, RECORD, parse_line, parse_record, texts_of
 from endosdk.live.sources.decoder import load_av
-from endosdk.live.sources.source import Source, log
+from endosdk.live.sources.source import DEFAULT_OPTIONS, Source, SourceOptions, log
 from endosdk.live.sources.views import split
 
 Map = npt.NDArray[np.float32]
@@ -31,9 +31,9 @@ class Recording(Source):
     entry a frame, ``calibration`` is the rig.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> None:
         path = Path(path)
-        super().__init__(str(path))
+        super().__init__(str(path), options)
         rule = "must be a folder or a .mkv file that endosdk run wrote"
         if not path.exists():
             raise InvalidArgument("source", rule, f"{path}, which is not there")

@@ -14,7 +14,7 @@ from endosdk.io.bounded_read import Refused
 from endosdk.io.extras import must_install
 from endosdk.io.picture_bytes import check_picture_size, decode_picture
 from endosdk.live.frames import Frame, Picture
-from endosdk.live.sources.source import Clock, Source
+from endosdk.live.sources.source import DEFAULT_OPTIONS, Clock, Source, SourceOptions
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
@@ -32,8 +32,8 @@ class Bag(Source):
 
     clock: Clock = "wall"
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(str(path))
+    def __init__(self, path: Path, options: SourceOptions = DEFAULT_OPTIONS) -> None:
+        super().__init__(str(path), options)
         with self._reader() as reader:
             left, right = (self._topic(reader, side) for side in ("left", "right"))
             self.count = min(left.msgcount, right.msgcount)

@@ -17,13 +17,12 @@ class Folders(Source):
     clock: Clock = "counted"
 
     def __init__(self, left: Path, right: Path, options: SourceOptions) -> None:
-        super().__init__(f"{left},{right}")
+        super().__init__(f"{left},{right}", options)
         self._pairs = pair_pictures(left, right)
         self._rate = options.rate or DEFAULT_RATE
-        self._bits = options.bits
         self.count = len(self._pairs)
 
     def _read(self, start: int) -> Iterator[Frame]:
         for number, (left, right) in enumerate(self._pairs[start:], start):
-            views = [read_frame(path, bits=self._bits) for path in (left, right)]
+            views = [read_frame(path, bits=self.options.bits) for path in (left, right)]
             yield Frame(views[0], views[1], number, stamp_of(number, self._rate))

@@ -16,7 +16,8 @@ class Newest(Source):
     """Reads ``source`` on a thread of its own and yields the newest frame, each at most once."""
 
     def __init__(self, source: Source) -> None:
-        super().__init__(source.word)
+        super().__init__(source.word, source.options)
+        self._swap = False  # the source does it
         self._source = source
         self.live = source.live
         self.once = source.once

@@ -14,7 +14,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.io.pictures import check_bits
 from endosdk.live.frames import Frame
 
-Layout = Literal["side-by-side", "top-bottom", "side-by-side-half", "top-bottom-half"]
+Layout = Literal["side-by-side", "top-bottom", "rows", "side-by-side-half", "top-bottom-half", "rows-half"]
 Queue = Literal["auto", "every", "newest"]
 Scan = Literal["auto", "interlaced", "progressive"]
 # What a stamp counts from: the start of the medium, the wall clock at capture (1970), or frames at a rate.
@@ -36,6 +36,8 @@ class SourceOptions:
     rate: float | None = None
     raw: str | None = None
     bits: int | None = None
+    swap: bool = False
+    gap: int = 0
 
     def __post_init__(self) -> None:
         for name, choices in (("layout", Layout), ("queue", Queue), ("scan", Scan)):
@@ -44,6 +46,19 @@ class SourceOptions:
         if self.rate is not None and not (math.isfinite(self.rate) and 0 < self.rate <= 1000):
             raise InvalidArgument("rate", "must be frames a second, above 0 and at most 1000", self.rate)
         check_bits(self.bits)
+        if not isinstance(self.swap, bool):
+            raise InvalidArgument("swap", "must be True or False", repr(self.swap))
+        if isinstance(self.gap, bool) or not isinstance(self.gap, int) or self.gap < 0:
+            raise InvalidArgument("gap", "must be whole pixels, 0 or more", repr(self.gap))
+        if self.layout.startswith("rows"):
+            if self.gap:
+                raise InvalidArgument("gap", "must be 0 where the views take turns by rows", self.gap)
+            if self.scan == "interlaced":
+                raise InvalidArgument("scan", "must not be interlaced where the views take turns by rows", self.scan)
+            object.__setattr__(self, "scan", "progressive")  # the rows of two views are not the fields of one
+
+
+DEFAULT_OPTIONS = SourceOptions()
 
 
 class Source(ABC):
@@ -51,8 +66,8 @@ class Source(ABC):
 
     ``word`` names it, ``live`` says that it does not wait for its reader, ``once`` that its frames cannot be had again,
     as those of a camera or a pipe, ``clock`` what time stamps count from, ``count`` is how many frames there are, None
-    where nobody knows. ``dropped`` counts the frames that the reader never
-    got. ``faults`` holds what went wrong without ending the source, each also a warning of the log ``endosdk``.
+    where nobody knows. ``options`` says how it is read. ``dropped`` counts the frames that the reader never got.
+    ``faults`` holds what went wrong without ending the source, each also a warning of the log ``endosdk``.
     """
 
     live: bool = False
@@ -60,8 +75,10 @@ class Source(ABC):
     clock: Clock = "medium"
     count: int | None = None
 
-    def __init__(self, word: str) -> None:
+    def __init__(self, word: str, options: SourceOptions = DEFAULT_OPTIONS) -> None:
         self.word = word
+        self.options = options
+        self._swap = options.swap
         self.dropped = 0
         self.faults: list[str] = []
         self._tagger: Callable[[Frame], Any] | None = None
@@ -88,6 +105,8 @@ class Source(ABC):
                 fault = _joined(frame.fault, fault)
             taken = frame.monotonic_ns or self._taken(stamp)
             frame = replace(frame, stamp_ns=stamp, fault=fault or frame.fault, monotonic_ns=taken)
+            if self._swap:
+                frame = replace(frame, left=frame.right, right=frame.left)
             if self._tagger is not None:
                 frame = replace(frame, tag=self._tagger(frame))
             yield frame

@@ -10,8 +10,7 @@ from endosdk.errors import SourceFailed
 from endosdk.live.frames import Frame
 from endosdk.live.sources.decoder import Decoded, Decoder
 from endosdk.live.sources.source import Clock, Source, SourceOptions
-from endosdk.live.sources.video_input import paired
-from endosdk.live.sources.views import split
+from endosdk.live.sources.video_input import framed, paired
 
 V4L2 = "v4l2"
 PATIENCE_S = 10.0  # how long a camera may be away before that ends the source
@@ -95,8 +94,7 @@ class Camera(Source):
     clock: Clock = "wall"
 
     def __init__(self, path: str, options: SourceOptions) -> None:
-        super().__init__(path)
-        self._options = options
+        super().__init__(path, options)
         self._device = Device(self, path, options)
 
     def _read(self, start: int) -> Iterator[Frame]:
@@ -104,9 +102,8 @@ class Camera(Source):
         for decoded in self._device.pictures():
             number += 1 + lost_between(last, decoded.stamp_ns, self._device.period_ns)
             last = decoded.stamp_ns
-            left, right = split(decoded.picture, self._options.layout)
             if number >= start:
-                yield Frame(left, right, number, decoded.stamp_ns, fault=decoded.fault)
+                yield framed(decoded, number, self.options)
 
     def close(self) -> None:
         """Let go of the device."""
@@ -121,7 +118,7 @@ class TwoCameras(Source):
     clock: Clock = "wall"
 
     def __init__(self, left: str, right: str, options: SourceOptions) -> None:
-        super().__init__(f"{left},{right}")
+        super().__init__(f"{left},{right}", options)
         self._devices = Device(self, left, options), Device(self, right, options)
 
     def _read(self, start: int) -> Iterator[Frame]:

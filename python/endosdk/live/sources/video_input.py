@@ -23,14 +23,13 @@ class VideoFile(Source):
     """A video file whose pictures hold both views."""
 
     def __init__(self, path: Path, options: SourceOptions) -> None:
-        super().__init__(str(path))
-        self._options = options
+        super().__init__(str(path), options)
         decoder = self._decoder()  # refuses here what is no video
         self.count = decoder.count
         decoder.close()
 
     def _decoder(self) -> Decoder:
-        return Decoder(self.word, self.word, self.note, scan=self._options.scan)
+        return Decoder(self.word, self.word, self.note, scan=self.options.scan)
 
     def _read(self, start: int) -> Iterator[Frame]:
         decoder = self._decoder()
@@ -39,7 +38,7 @@ class VideoFile(Source):
             for number, decoded in enumerate(decoder.pictures()):
                 last = decoded.stamp_ns
                 if number >= start:  # frames before it are decoded all the same: seeking is not exact in every file
-                    yield _framed(decoded, number, self._options)
+                    yield framed(decoded, number, self.options)
             short = self.count is not None and number + 1 < self.count
             if decoder.end_ns is not None and decoder.end_ns - last > FRAMES_AT_THE_END * 1e9 / decoder.rate:
                 short = True
@@ -53,9 +52,8 @@ class TwoVideos(Source):
     """Two video files, one of each view, paired by the number of the frame."""
 
     def __init__(self, left: Path, right: Path, options: SourceOptions) -> None:
-        super().__init__(f"{left},{right}")
+        super().__init__(f"{left},{right}", options)
         self._paths = left, right
-        self._options = options
         decoders = self._decoders()
         counts = [decoder.count for decoder in decoders]
         self.count = None if None in counts else min(count for count in counts if count is not None)
@@ -63,7 +61,7 @@ class TwoVideos(Source):
             decoder.close()
 
     def _decoders(self) -> list[Decoder]:
-        return [Decoder(str(path), str(path), self.note, scan=self._options.scan) for path in self._paths]
+        return [Decoder(str(path), str(path), self.note, scan=self.options.scan) for path in self._paths]
 
     def _read(self, start: int) -> Iterator[Frame]:
         decoders = self._decoders()
@@ -86,8 +84,7 @@ class Piped(Source):
     once = True
 
     def __init__(self, file: BinaryIO, options: SourceOptions) -> None:
-        super().__init__("standard input")
-        self._options = options
+        super().__init__("standard input", options)
         container, settings = "yuv4mpegpipe", {}
         if options.raw is not None:
             container, settings = "rawvideo", _raw_settings(options.raw, options.rate)
@@ -98,7 +95,7 @@ class Piped(Source):
     def _opened(self, container: str, settings: dict[str, str]) -> Decoder:
         try:
             return Decoder(
-                self._pipe, self.word, self.note, scan=self._options.scan, container=container, options=settings
+                self._pipe, self.word, self.note, scan=self.options.scan, container=container, options=settings
             )
         except SourceFailed:
             if self._pipe.count:
@@ -117,7 +114,7 @@ class Piped(Source):
         for number, decoded in enumerate(self._decoder.pictures()):
             count = number + 1
             if number >= start:
-                yield _framed(decoded, number, self._options)
+                yield framed(decoded, number, self.options)
         if not count:
             raise self._nothing()
         left = self._pipe.count - (self._decoder.end_of_whole or 0)
@@ -142,9 +139,11 @@ def paired(left: Decoded, right: Decoded, number: int) -> Frame:
     return Frame(left.picture, right.picture, number, left.stamp_ns, fault=left.fault or right.fault)
 
 
-def _framed(decoded: Decoded, number: int, options: SourceOptions) -> Frame:
-    left, right = split(decoded.picture, options.layout)
-    return Frame(left, right, number, decoded.stamp_ns, fault=decoded.fault)
+def framed(decoded: Decoded, number: int, options: SourceOptions) -> Frame:
+    """Return the frame of one picture with both views."""
+    left, right = split(decoded.picture, options.layout, options.gap)
+    height, width = decoded.picture.shape[:2]
+    return Frame(left, right, number, decoded.stamp_ns, fault=decoded.fault, picture=(width, height))
 
 
 def _raw_settings(raw: str, rate: float | None) -> dict[str, str]:

@@ -72,13 +72,13 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
 
         return Camera(word, options)
     if path.exists() and is_bag(path):
-        return Bag(path)
+        return Bag(path, options)
     if path.is_dir():
-        return Recording(path) if is_recording(path) else _opened_folder(path, options)
+        return Recording(path, options) if is_recording(path) else _opened_folder(path, options)
     if not path.is_file():
         raise InvalidArgument("source", RULE, repr(word))
     if is_recording(path):
-        return Recording(path)
+        return Recording(path, options)
     from endosdk.live.sources.video_input import VideoFile
 
     return VideoFile(path, options)
