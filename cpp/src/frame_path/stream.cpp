@@ -28,7 +28,7 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
   for (Frame& frame : frames_) frame.slot = std::make_shared<Slot>(stage_, session_);
   threads_.reserve(static_cast<size_t>(lanes_));
   try {
-    for (int i = 0; i < lanes_; ++i) threads_.emplace_back([this] { serve(); });
+    for (int i = 0; i < lanes_; ++i) threads_.push_back(new_thread([this] { serve(); }));
     std::unique_lock lock(mutex_);
     change_.wait(lock, [&] { return begun_ == lanes_; });
     lock.unlock();

@@ -42,7 +42,7 @@ void SessionThreads::end_spare() {
 void SessionThreads::start() {
   threads_.reserve(threads_.size() + 1);  // so that no thread is lost for want of memory
   auto made = std::make_unique<Thread>();
-  made->thread = std::thread([this, self = made.get()] { serve(*self); });
+  made->thread = new_thread([this, self = made.get()] { serve(*self); });
   threads_.push_back(std::move(made));
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,6 +60,9 @@ void name_this_thread(const char* name);
 
 // Leaves signals that are sent to the process to its other threads. Those of faults stay. Where there are signals.
 void block_signals();
+
+// Calls `start` with these signals blocked, as the threads that it starts find them, and then puts back what was.
+void with_signals_blocked(const std::function<void()>& start);
 
 // Whether the system gives this process so many more bytes of memory now. None of them stays.
 bool has_memory(size_t bytes);

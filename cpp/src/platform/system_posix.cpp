@@ -159,11 +159,39 @@ void name_this_thread(const char* name) {
 #endif
 }
 
-void block_signals() {
+namespace {
+
+sigset_t signals_of_others() {
   sigset_t signals;
   sigfillset(&signals);
   for (const int fault : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT}) sigdelset(&signals, fault);
+  return signals;
+}
+
+class SignalsBlocked {
+ public:
+  SignalsBlocked() {
+    const sigset_t signals = signals_of_others();
+    pthread_sigmask(SIG_BLOCK, &signals, &before_);
+  }
+  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsBlocked(const SignalsBlocked&) = delete;
+  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
+
+ private:
+  sigset_t before_;
+};
+
+}  // namespace
+
+void block_signals() {
+  const sigset_t signals = signals_of_others();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+}
+
+void with_signals_blocked(const std::function<void()>& start) {
+  const SignalsBlocked blocked;
+  start();
 }
 
 std::string processor_name() {

@@ -4,6 +4,9 @@
 
 #include <endosdk/endosdk.h>
 
+#include <thread>
+#include <utility>
+
 #include "platform/host_gate.hpp"
 #include "platform/system.hpp"
 
@@ -15,6 +18,14 @@ struct ThreadHook {
   void* context = nullptr;
   HostGate* gate = nullptr;
 };
+
+// A thread in which no signal of the host arrives: also not before its first statement, as it begins with the signals blocked.
+template <typename Body>
+std::thread new_thread(Body body) {
+  std::thread thread;
+  system::with_signals_blocked([&] { thread = std::thread(std::move(body)); });
+  return thread;
+}
 
 // To be called once, by the thread itself and before it works.
 inline void start_thread(const char* name, const ThreadHook& hook) {

@@ -1,5 +1,8 @@
 // The threads of a session are those that were offered: ONNX Runtime gets more where it wants more, and spare ones end.
+#include <pthread.h>
+
 #include <atomic>
+#include <csignal>
 
 #include "library/session_threads.hpp"
 #include "support.hpp"
@@ -43,9 +46,19 @@ int started_for(const Places& at, int offered) {
   return started;
 }
 
+// A signal that arrives before a thread's first statement would run the host's handler on a thread of the library.
+void threads_begin_with_signals_blocked() {
+  sigset_t before, within, after;
+  CHECK(pthread_sigmask(SIG_SETMASK, nullptr, &before) == 0 && sigismember(&before, SIGTERM) == 0);
+  new_thread([&] { CHECK(pthread_sigmask(SIG_SETMASK, nullptr, &within) == 0); }).join();
+  CHECK(sigismember(&within, SIGTERM) == 1 && sigismember(&within, SIGRTMIN) == 1 && sigismember(&within, SIGSEGV) == 0);
+  CHECK(pthread_sigmask(SIG_SETMASK, nullptr, &after) == 0 && sigismember(&after, SIGTERM) == 0);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  threads_begin_with_signals_blocked();
   const Places at = places(argc, argv);
   CHECK(started_for(at, taken) == taken);
   CHECK(started_for(at, taken + 2) == taken + 2);
