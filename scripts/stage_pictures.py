@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.pictures import read_frame, write_picture
@@ -89,13 +90,13 @@ def network_answer(model: str, left: Picture, right: Picture) -> tuple[Map, Map]
     session = StereoSession(read_model(model))
     height, width = left.shape[:2]
     multiple, stride = session.info.input_multiple, session.info.output_stride
-    buffers = session.buffers(padded(height, multiple), padded(width, multiple))
-    for buffer, view in ((buffers.left, left), (buffers.right, right)):
+    run = NetworkRun(session, padded(height, multiple), padded(width, multiple))
+    for buffer, view in ((run.left, left), (run.right, right)):
         more = ((0, buffer.shape[1] - height), (0, buffer.shape[2] - width), (0, 0))
         buffer[:] = np.pad(view, more, mode="edge").transpose(2, 0, 1)
-    session.run(buffers)
+    run()
     rows, columns = -(-height // stride), -(-width // stride)
-    return buffers.disparity[:rows, :columns].copy(), buffers.confidence[:rows, :columns].copy()
+    return run.disparity[:rows, :columns].copy(), run.confidence[:rows, :columns].copy()
 
 
 def matched(right: Picture, result: DepthResult) -> Picture:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.model_records import models_parser, record_models
+from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, Reason, StereoCalibration, _core
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
@@ -65,15 +66,15 @@ class Answerer:
         estimator = DepthEstimator(self.model, calibration=rig, network_size=network, threads=2)
         estimator.predict(left, right)
         multiple = info.input_multiple
-        buffers = self.session.buffers(padded(network[1], multiple), padded(network[0], multiple))
-        _core.pack(*estimator.rectified_pair(), buffers.left, buffers.right, "rgb")
-        self.session.run(buffers)
+        run = NetworkRun(self.session, padded(network[1], multiple), padded(network[0], multiple))
+        _core.pack(*estimator.rectified_pair(), run.left, run.right, "rgb")
+        run()
         view_scale = network[1] / height, network[0] / width
         maps = MapMemory(calibrated=False).maps(width, height)
         fields = {
-            "disparity": buffers.disparity,
-            "confidence": buffers.confidence,
-            "left": buffers.left,
+            "disparity": run.disparity,
+            "confidence": run.confidence,
+            "left": run.left,
             "scale": (view_scale[0] / info.output_stride, view_scale[1] / info.output_stride),
             "view_scale": view_scale,
             "gain": 1 / view_scale[1],

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.model_records import models_parser, record_models
+from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, _core
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
@@ -37,12 +38,12 @@ def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
         seen = estimator.rectified_pair()
         multiple = session.info.input_multiple
         shown_height, shown_width = seen[0].shape[:2]
-        buffers = session.buffers(padded(shown_height, multiple), padded(shown_width, multiple))
-        _core.pack(*seen, buffers.left, buffers.right, "rgb")
-        session.run(buffers)
+        run = NetworkRun(session, padded(shown_height, multiple), padded(shown_width, multiple))
+        _core.pack(*seen, run.left, run.right, "rgb")
+        run()
         resized = np.empty((height, width), np.float32)
         scales = (shown_height / height / session.info.output_stride, shown_width / width / session.info.output_stride)
-        _core.resize_bilinear(buffers.disparity, resized, *scales, width / shown_width)
+        _core.resize_bilinear(run.disparity, resized, *scales, width / shown_width)
         boards["bilinear"].add(resized, sample.disparity)
         print(f"pair {number + 1} of {pairs}", file=sys.stderr)
     results = {way: board.result()["all"] for way, board in boards.items()}

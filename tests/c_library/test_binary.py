@@ -70,13 +70,19 @@ def test_no_object_tells_where_the_headers_of_the_runtime_were(installed, tmp_pa
     build = tmp_path / "build"
     options = ("-DCMAKE_BUILD_TYPE=Release", "-DENDOSDK_BUILD_TESTS=ON", "-DENDOSDK_TEST_RUNTIME=")
     c.configure(build, *options, f"-DONNXRUNTIME_INCLUDE_DIR={headers}")
-    for entry in json.loads((build / "compile_commands.json").read_text()):
-        if Path(entry["file"]).name in ("capi.cpp", "runtime.cpp"):
-            words = shlex.split(entry["command"])
-            made = Path(entry["directory"]) / words[words.index("-o") + 1]
-            made.parent.mkdir(parents=True, exist_ok=True)
-            subprocess.run(entry["command"], shell=True, cwd=entry["directory"], check=True)
-            assert str(tmp_path).encode() not in made.read_bytes()
+    checked = {"capi.cpp", "runtime.cpp"}
+    entries = [
+        entry
+        for entry in json.loads((build / "compile_commands.json").read_text())
+        if Path(entry["file"]).name in checked
+    ]
+    assert {Path(entry["file"]).name for entry in entries} == checked
+    for entry in entries:
+        words = shlex.split(entry["command"])
+        made = Path(entry["directory"]) / words[words.index("-o") + 1]
+        made.parent.mkdir(parents=True, exist_ok=True)
+        subprocess.run(entry["command"], shell=True, cwd=entry["directory"], check=True)
+        assert str(tmp_path).encode() not in made.read_bytes()
 
 
 def test_the_abi_is_that_of_the_first_release(installed):

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, StereoCalibration, _core
 from endosdk.errors import CalibrationRequired
 from endosdk.runtime.models import read_model
@@ -128,12 +129,12 @@ def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, restored_settings: None)
     session = StereoSession(read_model("fast"), threads=1)
     with DepthEstimator("fast", calibration=RIG) as estimator:
         seen = estimator.predict(left, turned(right, (0.3, -0.4, 0.2)))
-        buffers = session.buffers(360, 480)
-        _core.pack(*estimator.rectified_pair(), buffers.left, buffers.right, "rgb")
-    session.run(buffers)
+        run = NetworkRun(session, 360, 480)
+        _core.pack(*estimator.rectified_pair(), run.left, run.right, "rgb")
+    run()
     scale = 0.5 / session.info.output_stride
-    fields = {"disparity": buffers.disparity, "confidence": buffers.confidence, "left": buffers.left}
-    fields |= {"right": buffers.right, "scale": (scale, scale), "view_scale": (0.5, 0.5), "gain": 2.0}
+    fields = {"disparity": run.disparity, "confidence": run.confidence, "left": run.left}
+    fields |= {"right": run.right, "scale": (scale, scale), "view_scale": (0.5, 0.5), "gain": 2.0}
     fields |= {"focal_px": 400.0, "baseline_mm": 10.0}
     sigmas = []
     for more in ({}, {"pattern": PATTERN}):

@@ -8,11 +8,13 @@ import numpy as np
 import onnx
 import pytest
 
+from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, _core
 from endosdk.commands.cli import main
 from endosdk.errors import ProviderUnavailable
 from endosdk.runtime.models import read_model, shipped_models
-from endosdk.runtime.session import StereoSession, provider_name
+from endosdk.runtime.providers import provider_name
+from endosdk.runtime.session import StereoSession
 from endosdk.training.model_file import write_model
 from tests.c_library import binding as c
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
@@ -50,11 +52,11 @@ def check_answers(accelerator, model, sizes) -> None:
     for height, width in sizes:
         answers = []
         for session in (processor, here):
-            buffers = session.buffers(height, width)
-            for target, view in zip((buffers.left, buffers.right), shifted_pair(height, width, 9), strict=True):
+            run = NetworkRun(session, height, width)
+            for target, view in zip((run.left, run.right), shifted_pair(height, width, 9), strict=True):
                 target[:] = view.transpose(2, 0, 1)
-            session.run(buffers)
-            answers.append((buffers.disparity.copy(), buffers.confidence.copy()))
+            run()
+            answers.append((run.disparity.copy(), run.confidence.copy()))
         np.testing.assert_allclose(answers[1][0], answers[0][0], rtol=0, atol=accelerator.tolerance_px)
         np.testing.assert_allclose(answers[1][1], answers[0][1], rtol=0, atol=accelerator.tolerance_px)
         assert np.median(answers[1][0]) == pytest.approx(9, abs=0.5)

@@ -5,9 +5,11 @@ import numpy as np
 import onnx
 import pytest
 
+from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, _core, errors
 from endosdk.runtime.models import ModelFile, read_model
-from endosdk.runtime.session import StereoSession, checked_options, load_runtime
+from endosdk.runtime.providers import checked_options
+from endosdk.runtime.session import StereoSession, load_runtime
 from endosdk.training.model_file import sealed_bytes
 from tests.conftest import TINY_MODEL, shifted_pair
 
@@ -18,26 +20,26 @@ def tiny() -> StereoSession:
 
 def test_finds_a_known_shift():
     session = tiny()
-    buffers = session.buffers(64, 160)
+    run = NetworkRun(session, 64, 160)
     left, right = shifted_pair(64, 160, 12)
-    buffers.left[:] = left.transpose(2, 0, 1)
-    buffers.right[:] = right.transpose(2, 0, 1)
-    session.run(buffers)
+    run.left[:] = left.transpose(2, 0, 1)
+    run.right[:] = right.transpose(2, 0, 1)
+    run()
     stride = session.info.output_stride
     inner = np.s_[4:-4, 40 // stride : -4]
-    assert np.median(np.abs(buffers.disparity[inner] - 12)) < 0.1
-    assert np.median(buffers.confidence[inner]) > 0.5
+    assert np.median(np.abs(run.disparity[inner] - 12)) < 0.1
+    assert np.median(run.confidence[inner]) > 0.5
 
 
 def test_two_buffers_do_not_mix():
     session = tiny()
-    first, second = session.buffers(32, 64), session.buffers(32, 64)
+    first, second = NetworkRun(session, 32, 64), NetworkRun(session, 32, 64)
     pairs = shifted_pair(32, 64, 8), shifted_pair(32, 64, 16)
-    for buffers, (left, right) in zip((first, second), pairs, strict=True):
-        buffers.left[:], buffers.right[:] = left.transpose(2, 0, 1), right.transpose(2, 0, 1)
-    session.run(first)
+    for run, (left, right) in zip((first, second), pairs, strict=True):
+        run.left[:], run.right[:] = left.transpose(2, 0, 1), right.transpose(2, 0, 1)
+    first()
     alone = first.disparity.copy()
-    session.run(second)
+    second()
     np.testing.assert_array_equal(first.disparity, alone)
     assert not np.array_equal(second.disparity, alone)
 
@@ -46,8 +48,8 @@ def test_two_buffers_do_not_mix():
 def test_size_off_the_multiple_is_refused_and_the_session_lives(size):
     session = tiny()
     with pytest.raises(errors.InvalidArgument, match="multiple of 8"):
-        session.buffers(*size)
-    session.run(session.buffers(32, 64))
+        NetworkRun(session, *size)
+    NetworkRun(session, 32, 64)()
 
 
 @pytest.mark.parametrize("content", [b"", b"not a model", TINY_MODEL.read_bytes()[:1000]], ids=["empty", "text", "cut"])
@@ -130,7 +132,7 @@ IDLE_PROVIDER = "AzureExecutionProvider"
 
 def test_a_provider_that_computes_nothing_is_refused():
     with pytest.raises(errors.ProviderUnavailable, match=r"must compute this model.*none of its operations there"):
-        StereoSession(read_model(TINY_MODEL), provider=IDLE_PROVIDER).buffers(32, 64)
+        NetworkRun(StereoSession(read_model(TINY_MODEL), provider=IDLE_PROVIDER), 32, 64)
     with pytest.raises(errors.ProviderUnavailable, match="must compute this model"):
         DepthEstimator(TINY_MODEL, provider=IDLE_PROVIDER)
 
@@ -233,11 +235,11 @@ def test_host_that_imported_the_runtime_first_is_warned():
 
 def test_failure_inside_the_runtime_has_a_code():
     session = tiny()
-    buffers = session.buffers(32, 64)
+    run = NetworkRun(session, 32, 64)
     # Shapes that contradict the graph make the runtime itself fail.
-    buffers.bound.binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), buffers.left.ctypes.data)
+    run.bound.binding.bind_input("left", "cpu", 0, np.uint8, (1, 3, 8, 8), run.left.ctypes.data)
     with pytest.raises(errors.InferenceFailed):
-        session.run(buffers)
+        run()
 
 
 def test_origin_is_in_the_message():

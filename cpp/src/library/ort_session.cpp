@@ -177,15 +177,14 @@ void OrtStereoSession::open() {
   OrtSessionOptions* made = nullptr;
   check(api.CreateSessionOptions(&made));
   const OrtHandle<OrtSessionOptions> options(made, api.ReleaseSessionOptions);
-  const bool may_be_slow = is_reader();
   check(api.SetUserLoggingFunction(options.get(), LogReader::forward, &log_));
   check(api.SetSessionLogSeverityLevel(options.get(), sides_ ? ORT_LOGGING_LEVEL_VERBOSE : log_.severity()));
-  const int threads = may_be_slow ? 1 : settings_.threads;
+  const int threads = is_reader() ? 1 : settings_.threads;
   check(api.SetIntraOpNumThreads(options.get(), threads));
   check(api.AddSessionConfigEntry(options.get(), "session.intra_op.allow_spinning", settings_.spinning ? "1" : "0"));
   // Waiting threads must not burn the cores that rectification and post-processing need between two runs.
   check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
-  if (may_be_slow) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
+  if (is_reader()) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
   if (sides_) add_provider(options.get());
   if (facts_.provider == cpu_provider) check(static_cast<OrtStatus*>(add_functions(&api, options.get())));
   threads_ = std::make_unique<SessionThreads>(threads - 1, settings_.thread_hook);  // the caller works, too

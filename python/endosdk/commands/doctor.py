@@ -6,7 +6,7 @@ import argparse
 import importlib.metadata
 from pathlib import Path
 
-from endosdk.commands.options import add_calibration, report_nearest_depths
+from endosdk.commands.options import add_bits, add_calibration, report_nearest_depths
 from endosdk.commands.pair_report import explain_pair
 from endosdk.commands.report import Report
 
@@ -23,6 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar=("LEFT", "RIGHT"),
         help="also check a stereo pair and report its trust status and problems (default: none)",
     )
+    add_bits(parser)
     add_calibration(parser, "also print the nearest depth of each model on this rig, and rectify --pair with it")
 
 
@@ -35,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     if args.calibration and not problems:
         _rig(report, args.calibration)
     if args.pair:
-        problems += explain_pair(report, args.pair, args.calibration)
+        problems += explain_pair(report, args.pair, args.calibration, args.bits)
     for problem in problems:
         report.line(f"PROBLEM      {problem}")
     report.line(_verdict(report, problems))

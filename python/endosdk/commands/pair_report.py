@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 MODEL = "fast"
 
 
-def explain_pair(report: Report, pair: list[Path], calibration: Path | None) -> list[str]:
+def explain_pair(report: Report, pair: list[Path], calibration: Path | None, bits: int | None) -> list[str]:
     """Say what is wrong with a pair and what to do about it; return what makes it unusable."""
     from endosdk import DepthEstimator, Status, StereoCalibration
     from endosdk.io.pictures import read_frame
 
-    left, right = read_frame(pair[0]), read_frame(pair[1])
+    left, right = (read_frame(path, bits=bits) for path in pair)
     rig = StereoCalibration.load(calibration) if calibration else None
     with DepthEstimator(MODEL, calibration=rig) as estimator:
         result = estimator.predict(left, right)

@@ -28,10 +28,11 @@ from endosdk.runtime.arguments import (
 from endosdk.runtime.limits import EVERY_DEPTH, Limits
 from endosdk.runtime.maps import MapMemory, Maps
 from endosdk.runtime.models import ModelInfo, read_model
+from endosdk.runtime.providers import checked_options, installed_provider
 from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.result import DepthResult, Timings
 from endosdk.runtime.rig_error import rig_error
-from endosdk.runtime.session import StereoSession, checked_options, installed_provider, load_runtime
+from endosdk.runtime.session import StereoSession, load_runtime
 from endosdk.runtime.stream import Feeder, StereoFrame, drawn_from
 
 # Lines about single frames are for hosts that set logging up; they must not fill a terminal unasked.
@@ -287,8 +288,8 @@ class DepthEstimator:
     def rectify(self, left: Any, right: Any) -> tuple[Picture, Picture]:
         """Return a pair's rectified pictures at the size of the frame: RGB uint8 [H, W, 3] each.
 
-        Every map of the pair's result lies over the left one; x_right = x_left - disparity. Frames as `predict` takes them; what the network is shown
-        is smaller as a rule, see `rectified_pair`.
+        Every map of the pair's result lies over the left one; x_right = x_left - disparity. Frames are as `predict`
+        takes them. The network usually sees smaller pictures, see `rectified_pair`.
         """
         return self._path.rectify(*check_pair(left, right))
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.errors import DependencyMissing, InvalidArgument
+from endosdk.io.extras import must_install_package
 
 if TYPE_CHECKING:
     from endosdk.runtime.result import DepthResult
@@ -26,7 +27,7 @@ def to_open3d(result: DepthResult, left: Picture | None = None) -> Any:
     try:
         import open3d
     except ImportError as error:
-        raise DependencyMissing("open3d", "is not installed: pip install open3d", error) from error
+        raise DependencyMissing("open3d", must_install_package("open3d"), "nothing") from error
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points.astype(np.float64)))
     if colours is not None:
         cloud.colors = open3d.utility.Vector3dVector(colours / 255.0)
@@ -44,7 +45,7 @@ def to_rerun(result: DepthResult, left: Picture | None = None, entity: str = "en
     try:
         import rerun
     except ImportError as error:
-        raise DependencyMissing("rerun", "is not installed: pip install rerun-sdk", error) from error
+        raise DependencyMissing("rerun-sdk", must_install_package("rerun-sdk"), "nothing") from error
     g = result.geometry
     assert g is not None  # _known_points has asked for it
     camera = rerun.Pinhole(

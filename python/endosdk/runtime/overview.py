@@ -21,7 +21,7 @@ _LEGEND = 240  # px right of the panel of reasons
 # Three families, so that no panel can be taken for another. Each is perceptual: its ends differ in lightness.
 _COLOURS = {"value": "COLORMAP_VIRIDIS", "trust": "COLORMAP_BONE", "error": "COLORMAP_MAGMA"}
 
-# Of the reasons, from the lowest bit on.
+# Of the reasons, from the lowest bit on: one for each.
 _REASON_COLOURS = (
     (214, 120, 40),
     (150, 80, 190),
@@ -29,12 +29,10 @@ _REASON_COLOURS = (
     (200, 60, 70),
     (240, 220, 90),
     (90, 90, 90),
-    (90, 190, 120),
-    (200, 140, 170),
 )
 REASON_STYLE = {
     reason: (colour, str(reason.name).lower().replace("_", " "))
-    for reason, colour in zip(Reason, _REASON_COLOURS, strict=False)
+    for reason, colour in zip(Reason, _REASON_COLOURS, strict=True)
 }
 
 

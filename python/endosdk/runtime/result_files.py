@@ -160,5 +160,6 @@ def _median(values: npt.NDArray[np.float32]) -> float | None:
 
 
 def _to_uint16(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
-    # 65535 is kept free for values that do not fit, so that a far point is never read as a near one.
-    return np.clip(np.rint(np.nan_to_num(values, nan=0.0, posinf=65535)), 0, 65535).astype(np.uint16)
+    # 0 is no value. What does not fit has none: clamped, a far point would be read as a near one.
+    steps = np.rint(np.nan_to_num(values, nan=0.0, posinf=0.0))
+    return np.where(steps <= 65535, np.maximum(steps, 0), 0).astype(np.uint16)

@@ -18,7 +18,7 @@ from endosdk import _core
 from endosdk.errors import (
     EndoError,
     InferenceFailed,
-    InvalidArgument,
+    InternalError,
     ModelMetadata,
     ModelUnreadable,
     OutOfMemory,
@@ -29,6 +29,7 @@ from endosdk.errors import (
 from endosdk.io.extras import must_install
 from endosdk.runtime import runtime_file, telemetry
 from endosdk.runtime.models import ModelFile, ModelInfo, parse_metadata
+from endosdk.runtime.providers import checked_options, installed_provider
 
 Picture = npt.NDArray[np.uint8]
 Map = npt.NDArray[np.float32]
@@ -87,22 +88,6 @@ class BoundRun:
     def resume(self) -> None:
         """Let later runs run again."""
         self._options.terminate = False
-
-
-class Buffers:
-    """Memory of its own for one run, for studies: the frame path brings its own.
-
-    Write planar RGB into ``left`` and ``right``, uint8 [3, H, W]; after the run read ``disparity`` and ``confidence``,
-    float32 [H / stride, W / stride].
-    """
-
-    def __init__(self, session: StereoSession, height: int, width: int) -> None:
-        stride = session.info.output_stride
-        self.left = np.zeros((3, height, width), np.uint8)
-        self.right = np.zeros((3, height, width), np.uint8)
-        self.disparity = np.zeros((height // stride, width // stride), np.float32)
-        self.confidence = np.zeros_like(self.disparity)
-        self.bound = session.bind(self.left, self.right, self.disparity, self.confidence)
 
 
 class StereoSession:
@@ -221,21 +206,16 @@ class StereoSession:
         return telemetry.started_by_host()
 
     def bind(self, left: Picture, right: Picture, disparity: Map, confidence: Map) -> BoundRun:
-        """Tie the model to memory, which must outlive it: uint8 [3, H, W] twice, float32 [h, w] twice."""
-        if (sized := self.for_size(*left.shape[1:])) is not None:
-            return sized.bind(left, right, disparity, confidence)
+        """Tie the model to memory, which must outlive it: uint8 [3, H, W] twice, float32 [h, w] twice.
+
+        Raises InternalError for a session that only reads the model: `for_size` makes the one that runs.
+        """
+        if self._is_reader:
+            raise InternalError("session", "must be one for a size", self.provider)
         binding = self._session.io_binding()
         for name, output in (("disparity", disparity), ("confidence", confidence)):
             binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
         return BoundRun(self, binding, {"left": left, "right": right}, self._runtime.RunOptions())
-
-    def buffers(self, height: int, width: int) -> Buffers:
-        """Allocate and bind memory for inputs of this size, px; both must be multiples of ``input_multiple``."""
-        multiple = self.info.input_multiple
-        for name, value in (("height", height), ("width", width)):
-            if value <= 0 or value % multiple:
-                raise InvalidArgument(name, f"must be a positive multiple of {multiple}", value)
-        return Buffers(self, height, width)
 
     @property
     def input_shapes(self) -> dict[str, list[int | str | None]]:
@@ -252,10 +232,6 @@ class StereoSession:
         if self.provider != _core.cpu_provider or self._threads == 1:
             return None
         return StereoSession(self._model, provider=self.provider, threads=1)
-
-    def run(self, buffers: Buffers) -> None:
-        """Compute ``disparity`` and ``confidence`` from ``left`` and ``right``."""
-        buffers.bound.run()
 
     def run_bound(self, bound: BoundRun, options: Any) -> None:
         """Run on memory that was bound before."""
@@ -297,40 +273,12 @@ def _check_for_conflict() -> None:
             raise RuntimeConflict("onnxruntime", rule, " and ".join(names))
 
 
-def checked_options(provider: str, options: Mapping[str, str | int] | None) -> dict[str, str]:
-    """Return the options of a provider as texts; numbers are written out, and floats not rounded unless asked for."""
-    name, options = provider_name(provider), {} if options is None else options
-    if not isinstance(options, Mapping):
-        raise InvalidArgument("provider_options", "must map keys to texts", type(options).__name__)
-    for key, value in options.items():
-        if not isinstance(key, str) or not isinstance(value, str | int):
-            raise InvalidArgument("provider_options", "must map texts to texts or whole numbers", f"{key!r}: {value!r}")
-    return dict(_core.checked_provider_options(name, [(key, str(value)) for key, value in options.items()]))
-
-
 def _placement(session: Any) -> dict[str, dict[str, int]]:
     """Return how many operations of each kind run on each provider."""
     placement: dict[str, Counter[str]] = defaultdict(Counter)
     for part in session.get_provider_graph_assignment_info():
         placement[part.ep_name].update(node.op_type for node in part.get_nodes())
     return {provider: dict(operations) for provider, operations in placement.items()}
-
-
-def provider_name(provider: str) -> str:
-    """Return the runtime's own name of a provider; both kinds of name are taken, in capitals or not."""
-    if not isinstance(provider, str):
-        raise InvalidArgument("provider", "must be the name of a provider", repr(provider))
-    return _core.full_provider_name(provider)
-
-
-def installed_provider(provider: str, runtime: Any) -> str:
-    """Return the runtime's own name of a provider. Raises ProviderUnavailable where this runtime does not have it."""
-    name, available = provider_name(provider), runtime.get_available_providers()
-    if name not in available:
-        names, installed = ", ".join(_core.providers), ", ".join(available)
-        rule = f"must be a part of the onnxruntime that is here (installed: {installed}; short names: {names})"
-        raise ProviderUnavailable("provider", rule, name)
-    return name
 
 
 def _session_options(runtime: Any, threads: int, spinning: bool) -> Any:
