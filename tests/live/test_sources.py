@@ -140,7 +140,9 @@ def test_a_rig_of_another_size_is_refused_with_the_layout_that_fits(tmp_path):
     rig = StereoCalibration.rectified(focal_px=120.0, baseline_mm=5.0, size=(64, 48))
     estimator = DepthEstimator(str(TINY_MODEL), calibration=rig, threads=1)
     video = write(tmp_path / "v.mkv", [np.vstack(pair) for pair in PAIRS])
-    with pytest.raises(CalibrationSizeMismatch, match=r"frames of 32x96; try --layout top-bottom or --layout rows; got 64x48"):
+    with pytest.raises(
+        CalibrationSizeMismatch, match=r"frames of 32x96; try --layout top-bottom or --layout rows; got 64x48"
+    ):
         list(answers(estimator, endosdk.open_source(video)))
     two = write(tmp_path / "l.mkv", [np.zeros((30, 40, 3), np.uint8)] * 2)
     with pytest.raises(CalibrationSizeMismatch) as refused:
@@ -251,6 +253,12 @@ def test_a_pipe_that_is_cut_gives_its_whole_frames_and_tells(raw, cut):
 def test_a_pipe_without_a_whole_frame_is_refused(raw, content):
     with pytest.raises(SourceFailed, match=f"the program before the pipe; got {len(content)} bytes"):
         list(Piped(io.BytesIO(content), SourceOptions(raw=raw)))
+
+
+def test_a_pipe_of_another_container_is_told_what_to_send(tmp_path):
+    content = write(tmp_path / "v.mkv", side_by_side(PAIRS)).read_bytes()
+    with pytest.raises(SourceFailed, match=r"standard input must be Y4M \(ffmpeg -i FILE -f yuv4mpegpipe -\)"):
+        Piped(io.BytesIO(content), SourceOptions())
 
 
 def test_a_pipe_that_breaks_in_the_middle_tells_after_its_whole_frames():
@@ -421,6 +429,8 @@ def _until_error(source):
         ("", {}, "must be a folder"),
         (("a", "b", "c"), {}, "must be a folder"),
         ("a,b", {}, "two folders, two files"),
+        ("rtsp://camera/stream", {}, r"ffmpeg -i ADDRESS -f yuv4mpegpipe - \| endosdk view -"),
+        ("http://a/b?c=1,2", {}, "ffmpeg -i ADDRESS"),
         ("-", {"raw": "uyvy422"}, "FORMAT:WxH"),
         ("-", {"raw": "purple:4x4"}, "FORMAT:WxH"),
         ("v.mp4", {"raw": "gray:4x4"}, "standard input"),

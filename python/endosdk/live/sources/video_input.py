@@ -16,6 +16,7 @@ from endosdk.live.sources.source import DEFAULT_RATE, Source, SourceOptions
 from endosdk.live.sources.views import split
 
 RAW_RULE = "must be FORMAT:WxH with a pixel format of FFmpeg, such as uyvy422:1920x1080, nv12:1280x720 or gray:640x480"
+PIPE_RULE = "standard input must be Y4M (ffmpeg -i FILE -f yuv4mpegpipe -) or described by --raw, in Python raw="
 FRAMES_AT_THE_END = 3  # that a file may state and not hold: containers round, and sound may go on
 
 
@@ -97,10 +98,12 @@ class Piped(Source):
             return Decoder(
                 self._pipe, self.word, self.note, scan=self.options.scan, container=container, options=settings
             )
-        except SourceFailed:
-            if self._pipe.count:
+        except SourceFailed as error:
+            if not self._pipe.count:
+                raise self._nothing() from None
+            if self.options.raw is not None:
                 raise
-            raise self._nothing() from None
+            raise SourceFailed("source", PIPE_RULE, error.value) from error
 
     def _nothing(self) -> SourceFailed:
         rule = "must give a whole frame; look for an error of the program before the pipe"

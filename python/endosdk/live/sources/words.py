@@ -18,6 +18,12 @@ RULE = (
 )
 
 
+STREAM_RULE = (
+    "must come through standard input where it is a stream of the network: "
+    "ffmpeg -i ADDRESS -f yuv4mpegpipe - | endosdk view -"
+)
+
+
 def opened(word: str | Path | tuple[str | Path, str | Path], options: SourceOptions) -> Source:
     """Return the source that ``word`` names."""
     source = _opened(_parts(word), options)
@@ -43,11 +49,11 @@ def _folders_of(words: list[str]) -> tuple[Path, Path] | None:
 
 
 def _parts(word: object) -> list[str]:
-    """Return the one or two names in a word. A file whose name has a comma is one."""
+    """Return the one or two names in a word. A file whose name has a comma is one, and so is an address."""
     words = [str(part) for part in word] if isinstance(word, tuple | list) else [str(word)]
     if not isinstance(word, str | Path | tuple | list) or not all(words):
         raise InvalidArgument("source", RULE, repr(word))
-    if len(words) == 1 and not Path(words[0]).exists() and words[0].count(",") == 1:
+    if len(words) == 1 and words[0].count(",") == 1 and not (Path(words[0]).exists() or "://" in words[0]):
         words = words[0].split(",")
     if len(words) > 2 or not all(words):
         raise InvalidArgument("source", RULE, repr(word))
@@ -67,6 +73,8 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
         from endosdk.live.sources.video_input import standard_input
 
         return standard_input(options)
+    if "://" in word:
+        raise InvalidArgument("source", STREAM_RULE, repr(word))
     if word.startswith(VIDEO_DEVICE):
         from endosdk.live.sources.v4l2 import Camera
 
