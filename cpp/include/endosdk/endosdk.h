@@ -204,7 +204,7 @@ typedef struct endo_calibration {
     int32_t right_distortion_count;
     double left_matrix[9];            /* fx 0 cx, 0 fy cy, 0 0 1 */
     double right_matrix[9];
-    double left_distortion[8];
+    double left_distortion[8];        /* 0 past the count */
     double right_distortion[8];
     double rotation[9];
     double translation[3];            /* mm; x is negative: the right camera is on the right */

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "geometry/linear.hpp"
 #include "platform/errors.hpp"
@@ -22,6 +23,14 @@ void require_rig(bool holds, const char* argument, const Rule& rule, const Value
 
 void check_finite(const double* values, int count, const char* argument) {
   for (int i = 0; i < count; ++i) require_rig(std::isfinite(values[i]), argument, "must be finite", values[i]);
+}
+
+// A count that was forgotten would leave the pictures distorted, and nothing would say so.
+void check_past_count(const double (&coefficients)[8], int count, const char* argument) {
+  const auto* const stray = std::find_if(coefficients + count, std::end(coefficients), [](double value) { return value != 0.0; });
+  require_rig(stray == std::end(coefficients), argument,
+              Text("must be 0 past the ", count, " coefficients that its count states"),
+              stray == std::end(coefficients) ? 0.0 : *stray);
 }
 
 }  // namespace
@@ -99,6 +108,8 @@ void check_rig(const endo_calibration& rig) {
   check_camera_matrix(rig.right_matrix, "right_matrix");
   check_distortion(rig.left_distortion, rig.left_distortion_count, fisheye, "left_distortion");
   check_distortion(rig.right_distortion, rig.right_distortion_count, fisheye, "right_distortion");
+  check_past_count(rig.left_distortion, rig.left_distortion_count, "left_distortion");
+  check_past_count(rig.right_distortion, rig.right_distortion_count, "right_distortion");
   check_field_of_view(rig.left_field_of_view, rig.width, rig.height, "left_field_of_view");
   check_field_of_view(rig.right_field_of_view, rig.width, rig.height, "right_field_of_view");
   check_rotation(rig.rotation, "rotation");

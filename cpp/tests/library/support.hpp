@@ -121,6 +121,12 @@ inline endo_calibration raw_rig(int width, int height) {
   return rig;
 }
 
+inline void remove_distortion(endo_calibration& rig) {
+  rig.left_distortion_count = rig.right_distortion_count = 0;
+  std::memset(rig.left_distortion, 0, sizeof rig.left_distortion);
+  std::memset(rig.right_distortion, 0, sizeof rig.right_distortion);
+}
+
 class Opened {
  public:
   Opened(const Places& at, const endo_options& options) {

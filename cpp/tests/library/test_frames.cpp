@@ -124,7 +124,7 @@ void half_turns_are_no_rig_and_infinite_depths_no_answers(const Places& at) {
   }
   for (const bool far : {true, false}) {
     endo_calibration rig = raw_rig(width, height);
-    rig.left_distortion_count = rig.right_distortion_count = 0;
+    remove_distortion(rig);
     rig.translation[1] = 0.0;
     if (far) rig.translation[0] = -1e38;
     for (double* k : {rig.left_matrix, rig.right_matrix}) {

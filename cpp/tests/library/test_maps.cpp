@@ -164,9 +164,7 @@ void the_rectified_pair_can_be_seen(const Places& at) {
 void a_rectified_pair_comes_back_as_it_is(const Places& at) {
   const Opened estimator(at);
   endo_calibration rig = raw_rig(width, height);
-  rig.left_distortion_count = rig.right_distortion_count = 0;
-  std::fill_n(rig.left_distortion, 8, 0.0);
-  std::fill_n(rig.right_distortion, 8, 0.0);
+  remove_distortion(rig);
   rig.translation[1] = 0.0;
   rig.right_matrix[2] += 6.0;
   CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);

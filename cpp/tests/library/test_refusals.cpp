@@ -117,6 +117,8 @@ void bad_calibrations_are_refused_and_change_nothing(const Places& at) {
   refused([](Rig& r) { r.right_matrix[1] = 1; }, ENDO_INVALID_CALIBRATION, "skew");
   refused([](Rig& r) { r.left_distortion[2] = std::nan(""); }, ENDO_INVALID_CALIBRATION, "left_distortion");
   refused([](Rig& r) { r.right_distortion_count = 9; }, ENDO_INVALID_CALIBRATION, "coefficients");
+  refused([](Rig& r) { r.left_distortion_count = 0; }, ENDO_INVALID_CALIBRATION, "left_distortion: must be 0 past the 0 coeff");
+  refused([](Rig& r) { r.right_distortion[7] = 1e-9; }, ENDO_INVALID_CALIBRATION, "right_distortion: must be 0 past the 5 coeff");
   refused([](Rig& r) { r.camera_model = ENDO_FISHEYE; }, ENDO_INVALID_CALIBRATION, "fisheye");
   refused([](Rig& r) { r.camera_model = 7; }, ENDO_INVALID_CALIBRATION, "camera_model");
   refused([](Rig& r) { r.rotation[0] = 1.1; }, ENDO_INVALID_CALIBRATION, "orthonormal");
