@@ -324,7 +324,7 @@ typedef struct endo_result {
     float *sigma;                     /* expected absolute error of depth, mm: the scale of a Laplace law, about two thirds
                                          of the errors are smaller; NaN as depth */
     uint8_t *reasons;                 /* endo_reason bits; 0: the pixel is valid */
-    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px; 0: no value, as reasons are set, or more than 65535 steps */
+    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px; 0: reasons are set, or it is over 65535 */
     uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm; 0 as in disparity_u16 */
     uint64_t frame;                   /* out: counts the frames of this estimator from 1; 0 when the call failed */
     double valid_share;               /* out: share of pixels that are valid */
@@ -426,10 +426,10 @@ ENDO_API endo_status endo_get_diagnostics(endo_estimator *estimator, char *buffe
 
 /* ---- Measuring ----
 
-In the maps of one frame, with the rig it was computed for. Pixels are x and y, one after the other, of the maps: those of the
-rectified left view. A result needs depth and sigma; with reasons, a refusal names why a pixel has no depth. Standard errors
-come from sigma: that of a depth is 1.41 sigma. Errors of pixels r px apart are correlated by exp(-r / L), L 2.1 % of the
-width. Errors of the calibration are not in them. */
+In the maps of one frame, with the rig it was computed for: any other than that of result.identity is refused. Pixels are x
+and y, one after the other, of the maps: those of the rectified left view. A result needs depth and sigma; with reasons, a
+refusal names why a pixel has no depth. Standard errors come from sigma: that of a depth is 1.41 sigma. Errors of pixels r px
+apart are correlated by exp(-r / L), L 2.1 % of the width. Errors of the calibration are not in them. */
 
 typedef struct endo_measured {
     uint32_t struct_size;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "library/capi_structs.hpp"
@@ -22,8 +23,19 @@ endosdk::Rig rig_of(const endo_calibration* calibration) {
   return endosdk::read_rig(*calibration);
 }
 
+// A result that says which rig it was computed with must be measured with that one: another gives other millimetres.
+void check_same_rig(const endosdk::Rig& rig, const endo_identity& identity) {
+  const char* const stated = identity.calibration_sha256;
+  const std::string computed_with(stated, std::find(stated, stated + sizeof identity.calibration_sha256, '\0'));
+  if (computed_with.empty()) return;
+  const std::string given = rig.sha256();
+  require(given == computed_with, "calibration", endosdk::Text("must be the one that the result was computed with, of sha256 ", computed_with),
+          given);
+}
+
 endosdk::MeasuredMaps maps_of(const endosdk::Rig& rig, const endo_result* result) {
   const endo_result known = endosdk::read_result(result);
+  check_same_rig(rig, known.identity);
   require_pointer(known.depth, "result.depth");
   require_pointer(known.sigma, "result.sigma");
   const endosdk::Size size = rig.size();

@@ -160,6 +160,22 @@ void the_rectified_pair_can_be_seen(const Places& at) {
   expect(endo_get_rectified(estimator.get(), left.data(), nullptr, left.size()), ENDO_INVALID_ARGUMENT, "no frame yet");
 }
 
+void a_result_is_measured_with_its_own_rig(const Places& at) {
+  const Opened estimator(at);
+  endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  Output out(pixels, true);
+  CHECK(estimator.predict(Pair(width, height, 9), out) == ENDO_OK && out.reasons[pixels / 2 + width / 2] == 0);
+  endo_point point{};
+  point.struct_size = sizeof point;
+  const auto measure = [&] { return endo_point_at(&rig, &out.result, width / 2, height / 2, &point); };
+  CHECK(measure() == ENDO_OK && std::fabs(point.xyz[2] - static_cast<double>(middle(out.depth))) < 0.1);
+  rig.translation[0] -= 0.1;
+  expect(measure(), ENDO_INVALID_ARGUMENT, "calibration: must be the one that the result was computed with");
+  out.result.identity = {};  // a result that does not say
+  CHECK(measure() == ENDO_OK);
+}
+
 // A rectified rig with principal points apart: the network's right view is moved, but not the one that the maps go with.
 void a_rectified_pair_comes_back_as_it_is(const Places& at) {
   const Opened estimator(at);
@@ -195,4 +211,5 @@ int main(int argc, char** argv) {
   every_layout_of_a_frame_gives_the_same(at);
   the_rectified_pair_can_be_seen(at);
   a_rectified_pair_comes_back_as_it_is(at);
+  a_result_is_measured_with_its_own_rig(at);
 }
