@@ -218,10 +218,10 @@ py::tuple rectified_views(const py::array& left, const py::array& right, const R
   check_pair(pair);
   const Size size = pair.size();
   const Rig rig = rig_of(numbers);
-  const RectifyStage stage(size, &rig, size, [] {});
+  auto stage = std::make_shared<const RectifyStage>(size, &rig, std::nullopt, [] {});
   auto out_left = new_picture(size);
   auto out_right = new_picture(size);
-  write_rectified(stage, pair, out_left.mutable_data(), out_right.mutable_data());
+  RowsOfPairs(std::move(stage)).write(pair, out_left.mutable_data(), out_right.mutable_data());
   return py::make_tuple(out_left, out_right);
 }
 

@@ -1,4 +1,5 @@
 // The functions of model files: for onnxruntime, which finds them by a name of its own, and one by one for tests.
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
@@ -35,18 +36,21 @@ class ArrayCall : public FunctionCall {
 
   Shape shape(int input) const override {
     const py::array& array = inputs_[static_cast<size_t>(input)];
-    return {array.shape(), array.shape() + array.ndim()};
+    Shape shape(static_cast<size_t>(array.ndim()));
+    std::copy_n(array.shape(), shape.size(), shape.data());
+    return shape;
   }
 
   const void* data(int input) const override { return inputs_[static_cast<size_t>(input)].data(); }
 
   void* output(int place, const Shape& shape) override {
     const auto i = static_cast<size_t>(place);
-    outputs_[i] = kind_.outputs[i] == Element::uint8 ? py::array(py::array_t<uint8_t>(shape)) : py::array(py::array_t<float>(shape));
+    const std::vector<py::ssize_t> sides(shape.begin(), shape.end());
+    outputs_[i] = kind_.outputs[i] == Element::uint8 ? py::array(py::array_t<uint8_t>(sides)) : py::array(py::array_t<float>(sides));
     return outputs_[i].mutable_data();
   }
 
-  void run(int count, const std::function<void(int)>& body) override {
+  void run(int count, RowBody body) override {
     const py::gil_scoped_release released;
     parallel_for(count, 1, [&](int begin, int end, int) {
       for (int i = begin; i < end; ++i) body(i);

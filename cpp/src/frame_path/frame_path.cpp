@@ -261,11 +261,11 @@ void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, si
   const Size size = pair.size();
   check_capacity(capacity, size);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
-  if (!full_ || full_->frame() != size) {
+  if (!full_ || full_->stage().frame() != size) {
     const Work work(cancelling_);
-    full_ = std::make_shared<const RectifyStage>(size, calibration().get(), std::nullopt, [&] { work.check(); });
+    full_.emplace(std::make_shared<const RectifyStage>(size, calibration().get(), std::nullopt, [&] { work.check(); }));
   }
-  write_rectified(*full_, pair, left, right);
+  full_->write(pair, left, right);
 }
 
 Size FramePath::rectified_size() {

@@ -106,7 +106,7 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   Sessions sessions_;
   std::shared_ptr<Slot> slot_;
   RigWatch watch_;  // of frames outside streams
-  std::shared_ptr<const RectifyStage> full_;
+  std::optional<RowsOfPairs> full_;  // what `rectify` needs
 
   std::mutex streams_mutex_;
   std::set<Stream*> streams_;  // that are open

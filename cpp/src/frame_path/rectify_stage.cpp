@@ -79,13 +79,14 @@ void RectifyStage::operator()(const ImageView& left, const ImageView& right, con
   }
 }
 
-void write_rectified(const RectifyStage& stage, const FramePair& pair, uint8_t* left, uint8_t* right) {
-  const Size size = stage.picture();
-  const size_t bytes = rgb_bytes(size);
-  std::vector<uint8_t> planes(2 * bytes);
-  const PlanarView views[2] = {{planes.data(), size.width, size.height}, {planes.data() + bytes, size.width, size.height}};
-  RectifyScratch scratch;
-  stage(pair.left, pair.right, views[0], views[1], pair.order, scratch);
+RowsOfPairs::RowsOfPairs(std::shared_ptr<const RectifyStage> stage)
+    : stage_(std::move(stage)), planes_(2 * rgb_bytes(stage_->picture())) {}
+
+void RowsOfPairs::write(const FramePair& pair, uint8_t* left, uint8_t* right) {
+  const Size size = stage_->picture();
+  uint8_t* const right_planes = planes_.data() + rgb_bytes(size);
+  const PlanarView views[2] = {{planes_.data(), size.width, size.height}, {right_planes, size.width, size.height}};
+  (*stage_)(pair.left, pair.right, views[0], views[1], pair.order, scratch_);
   copy_interleaved(views[0], size, left);
   copy_interleaved(views[1], size, right);
 }

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "frame_path/frame.hpp"
 #include "images/image.hpp"
@@ -64,7 +67,18 @@ class RectifyStage {
   std::optional<FieldOfView> fields_[2];
 };
 
-// Writes a pair of frames as the stage gives it, in tight RGB rows.
-void write_rectified(const RectifyStage& stage, const FramePair& pair, uint8_t* left, uint8_t* right);
+// Pairs of frames as a stage gives them, in tight RGB rows. It keeps its memory from one pair to the next.
+class RowsOfPairs {
+ public:
+  explicit RowsOfPairs(std::shared_ptr<const RectifyStage> stage);
+
+  const RectifyStage& stage() const { return *stage_; }
+  void write(const FramePair& pair, uint8_t* left, uint8_t* right);
+
+ private:
+  std::shared_ptr<const RectifyStage> stage_;
+  std::vector<uint8_t> planes_;
+  RectifyScratch scratch_;
+};
 
 }  // namespace endosdk

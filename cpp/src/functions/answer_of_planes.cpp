@@ -13,6 +13,7 @@ constexpr int side = 2;             // of the grid of the answer, in cells of th
 constexpr int per_cell = side * side;
 constexpr int cells_at_once = soft_argmin_width / per_cell;
 constexpr int most_planes = 128;
+constexpr int block = 4;  // rows of cells at a time
 
 class AnswerOfPlanes : public Function {
  public:
@@ -38,15 +39,21 @@ class AnswerOfPlanes : public Function {
     check_shape("cost", call.shape(0), {count, side, planes_ / side, height * width, per_cell});
     float* mean = call.float_output(0, {count, 1, side * height, side * width});
     float* excess = call.float_output(1, {count, 1, side * height, side * width});
-    call.parallel(count * height, [&](int index) {
-      const int64_t pair = index / height;
-      const int64_t y = index % height;
-      const float* cost = call.floats(0) + (pair * planes_ * height + y) * width * per_cell;
-      const float* correction = call.floats(1) + (pair * height + y) * width * planes_ * per_cell;
-      const int64_t first = (pair * height + y) * side * side * width;
-      // Not on the stack, which the thread of a device may have little of.
-      Scratch::Lent costs(scratch_, static_cast<size_t>(planes_) * soft_argmin_width);
-      answer_row(cost, height * width * per_cell, correction, static_cast<int>(width), costs.data(), mean + first, excess + first);
+    if (width == 0) return;
+    // Not on the stack, which the thread of a device may have little of.
+    const size_t values = static_cast<size_t>(planes_) * soft_argmin_width;
+    const int64_t blocks = (count * height + block - 1) / block;
+    Scratch::Lent memory(scratch_, values * static_cast<size_t>(blocks));
+    call.parallel(blocks, [&](int index) {
+      float* const costs = memory.data() + static_cast<size_t>(index) * values;
+      const int64_t begin = int64_t{index} * block;
+      for (int64_t row = begin; row < std::min(begin + block, count * height); ++row) {
+        const int64_t pair = row / height;
+        const float* cost = call.floats(0) + (pair * planes_ * height + row % height) * width * per_cell;
+        const float* correction = call.floats(1) + row * width * planes_ * per_cell;
+        const int64_t first = row * side * side * width;
+        answer_row(cost, height * width * per_cell, correction, static_cast<int>(width), costs, mean + first, excess + first);
+      }
     });
   }
 

@@ -1,7 +1,9 @@
 #include "functions/custom_ops.hpp"
 
+#include <array>
 #include <exception>
 #include <map>
+#include <memory>
 #include <vector>
 
 #include "functions/function.hpp"
@@ -55,7 +57,7 @@ struct Kernel {
 class RuntimeCall : public FunctionCall {
  public:
   RuntimeCall(const Api& api, Context* context, int inputs) : api_(api), context_(context) {
-    for (int i = 0; i < inputs; ++i) inputs_.push_back(read(i));
+    for (int i = 0; i < inputs; ++i) inputs_[static_cast<size_t>(i)] = read(i);
   }
 
   Shape shape(int input) const override { return inputs_[static_cast<size_t>(input)].shape; }
@@ -67,9 +69,9 @@ class RuntimeCall : public FunctionCall {
     return data_of(value);
   }
 
-  void run(int count, const std::function<void(int)>& body) override {
+  void run(int count, RowBody body) override {
     struct Work {
-      const std::function<void(int)>& body;
+      RowBody body;
       std::mutex mutex;
       std::exception_ptr error;
     } work{body, {}, nullptr};
@@ -90,8 +92,8 @@ class RuntimeCall : public FunctionCall {
 
  private:
   struct Input {
-    Shape shape;
-    const void* data;
+    Shape shape{};
+    const void* data = nullptr;
   };
 
   void* data_of(Value* value) const {
@@ -105,18 +107,18 @@ class RuntimeCall : public FunctionCall {
     check(api_.call<GetInput>(context_, static_cast<size_t>(place), &value));
     TensorInfo* info = nullptr;
     check(api_.call<GetTensorTypeAndShape>(value, &info));
+    const auto release = [this](TensorInfo* taken) { api_.call<ReleaseTensorInfo>(taken); };
+    const std::unique_ptr<TensorInfo, decltype(release)> held(info, release);
     size_t rank = 0;
-    Status* status = api_.call<GetDimensionsCount>(info, &rank);
+    check(api_.call<GetDimensionsCount>(info, &rank));
     Shape shape(rank);
-    if (status == nullptr) status = api_.call<GetDimensions>(info, shape.data(), rank);
-    api_.call<ReleaseTensorInfo>(info);
-    check(status);
-    return {std::move(shape), data_of(const_cast<Value*>(value))};
+    check(api_.call<GetDimensions>(info, shape.data(), rank));
+    return {shape, data_of(const_cast<Value*>(value))};
   }
 
   const Api& api_;
   Context* context_;
-  std::vector<Input> inputs_;
+  std::array<Input, most_inputs> inputs_{};
 };
 
 // A kind of function as the runtime asks for it.

@@ -1,6 +1,7 @@
 #include "functions/function.hpp"
 
 #include <iterator>
+#include <string>
 
 #include "platform/errors.hpp"
 #include "platform/lists.hpp"
@@ -24,13 +25,17 @@ constexpr FunctionKind kinds[] = {
     {"ChooseSurface", {floats, floats, floats, floats}, 4, {floats, floats, floats}, 3, make_choose_surface},
 };
 
-std::string text_of(const Shape& shape) {
-  std::string sides;
-  for (const int64_t side : shape) append_item(sides, side < 0 ? "any" : std::to_string(side));
-  return "[" + sides + "]";
+}  // namespace
+
+Shape::Shape(size_t count) : count_(count) {
+  require(count <= most_sides, ENDO_INFERENCE_FAILED, "shape", Text("must have at most ", most_sides, " sides"), count);
 }
 
-}  // namespace
+std::ostream& operator<<(std::ostream& out, const Shape& shape) {
+  std::string sides;
+  for (const int64_t side : shape) append_item(sides, side < 0 ? "any" : std::to_string(side));
+  return out << "[" << sides << "]";
+}
 
 Scratch::Lent::Lent(Scratch& owner, size_t count) : owner_(owner) {
   {
@@ -50,7 +55,7 @@ Scratch::Lent::~Lent() {
 
 const FunctionKind* function_kind(int i) { return i < static_cast<int>(std::size(kinds)) ? &kinds[i] : nullptr; }
 
-void FunctionCall::parallel(int64_t count, const std::function<void(int)>& body) {
+void FunctionCall::parallel(int64_t count, RowBody body) {
   require(count <= most_values, ENDO_INFERENCE_FAILED, "shape", Text("must have at most ", most_values, " rows"), count);
   run(static_cast<int>(count), body);
 }
@@ -58,7 +63,7 @@ void FunctionCall::parallel(int64_t count, const std::function<void(int)>& body)
 void check_shape(const char* argument, const Shape& found, const Shape& wanted) {
   bool fits = found.size() == wanted.size();
   for (size_t i = 0; fits && i < wanted.size(); ++i) fits = wanted[i] < 0 ? found[i] <= longest_side : found[i] == wanted[i];
-  require(fits, ENDO_INFERENCE_FAILED, argument, Text("must have the shape ", text_of(wanted)), text_of(found));
+  require(fits, ENDO_INFERENCE_FAILED, argument, Text("must have the shape ", wanted), found);
 }
 
 }  // namespace endosdk

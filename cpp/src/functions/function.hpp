@@ -2,18 +2,47 @@
 // runtime can run; the loops here give the same numbers, but for their last digits, in a fraction of the time.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <mutex>
-#include <string>
+#include <ostream>
 #include <vector>
+
+#include "platform/threads.hpp"
 
 namespace endosdk {
 
-using Shape = std::vector<int64_t>;
+// The sides of a tensor. It takes no memory of its own, as every frame has many.
+class Shape {
+ public:
+  static constexpr size_t most_sides = 8;
+
+  // INFERENCE_FAILED where there are more sides than any function knows.
+  explicit Shape(size_t count);
+  Shape(std::initializer_list<int64_t> sides) : Shape(sides.size()) { std::copy(sides.begin(), sides.end(), sides_.begin()); }
+
+  int64_t operator[](size_t i) const { return sides_[i]; }
+  int64_t* data() { return sides_.data(); }
+  const int64_t* data() const { return sides_.data(); }
+  size_t size() const { return count_; }
+  const int64_t* begin() const { return data(); }
+  const int64_t* end() const { return data() + count_; }
+
+  // As in [any, 3, 240], where a side that may be any is below 0.
+  friend std::ostream& operator<<(std::ostream& out, const Shape& shape);
+
+ private:
+  size_t count_;
+  std::array<int64_t, most_sides> sides_{};
+};
+
+// What is called for each row, or block of rows.
+using RowBody = FunctionReference<int>;
 
 enum class Element { uint8, float32 };
 
@@ -27,14 +56,14 @@ class FunctionCall {
   virtual void* output(int place, const Shape& shape) = 0;
 
   // Calls `body` once for each index below `count`, on several threads at a time.
-  void parallel(int64_t count, const std::function<void(int index)>& body);
+  void parallel(int64_t count, RowBody body);
 
   const float* floats(int input) const { return static_cast<const float*>(data(input)); }
   const uint8_t* bytes(int input) const { return static_cast<const uint8_t*>(data(input)); }
   float* float_output(int place, const Shape& shape) { return static_cast<float*>(output(place, shape)); }
 
  private:
-  virtual void run(int count, const std::function<void(int index)>& body) = 0;
+  virtual void run(int count, RowBody body) = 0;
 };
 
 // Memory between the steps of a call, kept for the next one.
@@ -70,9 +99,11 @@ class Function {
 // A number that a call in a model file gives; -1 where it gives none of that name.
 using FunctionSettings = std::function<double(const char* name)>;
 
+constexpr size_t most_inputs = 4;
+
 struct FunctionKind {
   const char* name;
-  std::array<Element, 4> inputs;
+  std::array<Element, most_inputs> inputs;
   int input_count;
   std::array<Element, 3> outputs;
   int output_count;
