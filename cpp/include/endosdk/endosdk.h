@@ -384,8 +384,9 @@ frame's time on one thread. One thread may submit while another receives:
 
     while (endo_stream_receive(stream, &result) == ENDO_OK && result != NULL) use(result);      (the other thread) */
 
-/* Open a stream of frames of this size. Without receiving, *frames_in_flight of them can be submitted; NULL: not wanted.
-   endo_predict may be used beside it. A later endo_set_calibration does not concern it. */
+/* Open a stream of frames of this size, allocate for it and run once in each of its threads, as endo_prepare does. Without
+   receiving, *frames_in_flight frames can be submitted; NULL: not wanted. endo_predict may be used beside it. A later
+   endo_set_calibration does not concern it. */
 ENDO_API endo_status endo_stream_open(endo_estimator *estimator, int32_t width, int32_t height,
                                       int32_t *frames_in_flight, endo_stream **stream);
 

@@ -27,10 +27,14 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
       stage_(std::move(stage)) {
   for (Frame& frame : frames_) frame.slot = std::make_shared<Slot>(stage_, session_);
   threads_.reserve(static_cast<size_t>(lanes_));
+  const std::vector<uint8_t> black(rgb_bytes(size_));
+  const ImageView view = {black.data(), size_.width, size_.height, 3, ptrdiff_t{3} * size_.width};
   try {
-    for (int i = 0; i < lanes_; ++i) threads_.push_back(new_thread([this] { serve(); }));
+    for (int i = 0; i < lanes_; ++i) threads_.push_back(new_thread([this, i, view] { begin(i, view), serve(); }));
     std::unique_lock lock(mutex_);
     change_.wait(lock, [&] { return begun_ == lanes_; });
+    if (failure_) std::rethrow_exception(failure_);
+    watch_.make_room(*frames_.front().slot);
     lock.unlock();
     path_->add_stream(this);
   } catch (...) {
@@ -130,12 +134,32 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
   path_->tell_correction(*next);
 }
 
-void Stream::serve() {
+// A black pair takes the same path as a real one, and makes every layer reserve what it will need: of each slot, and of as many
+// frames at a time as there are threads.
+void Stream::begin(int lane, const ImageView& black) {
   start_thread("endosdk-stream", path_->settings().thread_hook);
   set_thread_count(1);
-  std::unique_lock lock(mutex_);
+  std::exception_ptr failure;
+  try {
+    for (size_t i = static_cast<size_t>(lane); i < frames_.size(); i += static_cast<size_t>(lanes_)) {
+      Work work(path_->cancelling_);
+      FrameReport report;
+      Slot& slot = *frames_[i].slot;
+      slot.rectify({black, black, ChannelOrder::rgb}, report);
+      slot.infer(work, report);
+      slot.answer({}, path_->settings().limits, rig_.get(), work, report);
+    }
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  const std::lock_guard lock(mutex_);
+  if (failure) failure_ = failure;
   ++begun_;
   change_.notify_all();
+}
+
+void Stream::serve() {
+  std::unique_lock lock(mutex_);
   for (;;) {
     change_.wait(lock, [&] { return closed_ || started_ < submitted_; });
     if (closed_) return;

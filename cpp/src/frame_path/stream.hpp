@@ -19,7 +19,7 @@ namespace endosdk {
 // One thread may submit while another receives.
 class Stream {
  public:
-  // Made by FramePath::stream.
+  // Made by FramePath::stream. Returns when each thread has computed a black pair, so that no later frame is a first one.
   Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session, std::shared_ptr<const RectifyStage> stage,
          std::shared_ptr<const Rig> rig);
   ~Stream() { close(); }
@@ -77,6 +77,7 @@ class Stream {
   Frame& at(uint64_t number) { return frames_[static_cast<size_t>(number % frames_.size())]; }
   bool has_answer() { return closed_ || (received_ < submitted_ ? at(received_).done : ended_); }
   bool has_room() const { return submitted_ < received_ + static_cast<uint64_t>(lanes_); }
+  void begin(int lane, const ImageView& black);
   void serve();
   void work(Frame& frame, uint64_t number);
   void watch_rig(FrameReport& report, Slot& slot);
@@ -93,7 +94,8 @@ class Stream {
   std::mutex mutex_;  // guards what follows
   std::condition_variable change_;
   std::vector<Frame> frames_;  // one more than lanes: the pictures of the frame that was received last stay
-  int begun_ = 0;           // threads that were handed to the host
+  int begun_ = 0;           // threads that were handed to the host, and have computed a frame
+  std::exception_ptr failure_;  // of one of these frames
   bool temporal_ = false;
   uint64_t submitted_ = 0;
   uint64_t started_ = 0;

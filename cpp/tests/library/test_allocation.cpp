@@ -139,6 +139,33 @@ void frames_allocate_nothing(const Places& at, bool raw, int network_width, int 
   CHECK(count == 0);
 }
 
+// From the first one on: opening the stream has prepared it.
+void frames_of_a_stream_allocate_nothing(const Places& at, int threads) {
+  endo_options options = default_options(at);
+  options.threads = threads;
+  options.network_width = width;
+  options.network_height = height;
+  const Opened estimator(at, options);
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  endo_stream* stream = nullptr;
+  CHECK(endo_stream_open(estimator.get(), width, height, nullptr, &stream) == ENDO_OK);
+  const Pair pair(width, height, 9);
+  const endo_image left = pair.left_image();
+  const endo_image right = pair.right_image();
+  Output out(pixels, true);
+  const long count = count_ours([&] {
+    for (int frame = 0; frame < 20; ++frame) {
+      endo_result* received = nullptr;
+      CHECK(endo_stream_submit(stream, &left, &right, &out.result) == ENDO_OK);
+      CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == &out.result);
+    }
+  });
+  if (count != 0) std::fprintf(stderr, "%ld allocations of ours in 20 frames of a stream\n", count);
+  CHECK(count == 0);
+  endo_stream_close(stream);
+}
+
 // Calls with the 1st, 2nd, 3rd ... allocation failing, until none is left to fail.
 template <typename Call>
 int survive_every_failure(const char* what, const Call& call) {
@@ -213,6 +240,9 @@ int main(int argc, char** argv) {
   failing_allocations_are_reported(at);
   for (int i = 3; i < argc; ++i) {  // models with functions of ours
     at.model = argv[i];
-    for (const int threads : {1, 2}) frames_allocate_nothing(at, true, width, threads);
+    for (const int threads : {1, 2}) {
+      frames_allocate_nothing(at, true, width, threads);
+      frames_of_a_stream_allocate_nothing(at, threads);
+    }
   }
 }
