@@ -7,20 +7,20 @@
 namespace endosdk {
 namespace {
 
-// So that a picture has a hundred patches, which overlap.
+// A picture has a hundred patches, which overlap.
 constexpr int across = 10;
 constexpr int down = 10;
 constexpr size_t most_patches = size_t{across} * down;
 
-constexpr float least_variance = 4.0f;  // grey levels squared, of the left view's patch; half of it of the right view's
+constexpr float least_variance = 4.0f;  // grey levels squared, for a patch of the left view; half of it for the right view
 constexpr size_t least_patches = 16;
 
-// Patches count by Fisher's measure of their best correlation on a row: strong likeness tells more than weak one. It ends
-// where noise alone would decide.
+// On each row a patch counts by the Fisher transform of its best correlation, because a strong correlation tells more than a
+// weak one. Correlations are limited to this value: beyond it, noise alone would decide.
 constexpr double strongest = 0.95;
 
-// By how much the best row stands out from those that are not beside it, and how certain it must be that it is not the row
-// on which rectified views match, standard errors. Of two hundred pairs of other scenes two come so far.
+// The best row must exceed the rows that are not beside it by `least_prominence`. It must also be certain, by so many standard
+// errors, that it is not the row on which rectified views match. Of two hundred pairs of different scenes, two pass both tests.
 constexpr double least_prominence = 0.085;
 constexpr double certain = 2.5;
 constexpr int beside = 3;
@@ -44,7 +44,7 @@ void add_squares(const float* values, int cells, float* __restrict sums, float* 
 
 }  // namespace
 
-// For every cell of the right view that a patch fits around.
+// Computes `spread_` for every cell of the right view around which a patch fits.
 void CoarseMatch::find_spread(const MatchedViews& views) {
   const Size cells = views.size();
   const int along = cells.width - 2 * patch_reach_along;
@@ -66,7 +66,7 @@ void CoarseMatch::find_spread(const MatchedViews& views) {
   }
 }
 
-// False for one that is flat.
+// Reads a patch of the left view. Returns false if it is flat.
 bool CoarseMatch::read_patch(const MatchedViews& views, int x, int y) {
   float sum = 0.0f;
   size_t i = 0;
@@ -84,7 +84,7 @@ bool CoarseMatch::read_patch(const MatchedViews& views, int x, int y) {
   return squares > least_variance * patch_cells;
 }
 
-// Of the patch with the right view around `count` cells of row y, from x on.
+// Correlates the patch with the right view around `count` cells of row y, from x on.
 void CoarseMatch::correlate(const MatchedViews& views, int x, int y, int count) {
   const ptrdiff_t stride = views.size().width;
   kernels().patch_products({patch_.data(), views.levels(1, y - patch_reach_down) + x - patch_reach_along, stride, count, found_.data()});
@@ -96,7 +96,7 @@ void CoarseMatch::correlate(const MatchedViews& views, int x, int y, int count) 
 void CoarseMatch::measure(const MatchedViews& views) {
   exchanged_gain_ = rows_off_ = nothing;
   const Size cells = views.size();
-  // All memory before any way out, so that the first frame takes what later ones need.
+  // Allocates all memory before any early return, so that frames after the first allocate nothing.
   spread_.resize(count_of(cells));
   columns_.resize(static_cast<size_t>(4 * cells.width));
   found_.resize(static_cast<size_t>(cells.width));
@@ -105,7 +105,7 @@ void CoarseMatch::measure(const MatchedViews& views) {
   const int margin = longest + patch_reach_along + 1;
   const int edge = farthest_row + patch_reach_down;
   if (cells.width <= 2 * margin || cells.height <= 2 * edge) return;
-  // Views that are not rectified may cross: what is far then lies a little on the other side.
+  // The optical axes of unrectified views may cross. Then matches of far surfaces lie a little on the other side.
   const int crossed = cells.width / 16;
   find_spread(views);
   double gain = 0.0;
@@ -120,7 +120,7 @@ void CoarseMatch::measure(const MatchedViews& views) {
         correlate(views, x - longest, y + row, row == 0 ? 2 * longest + 1 : longest + crossed + 1);
         const double likeness = std::atanh(std::clamp(best(0, longest + crossed + 1), -strongest, strongest));
         likeness_[patches][static_cast<size_t>(row + farthest_row)] = likeness;
-        // Over the same distances to either side, so that chance favours neither.
+        // Both sides are searched over the same distances, so that chance favours neither.
         if (row == 0) gain += best(longest + 1, 2 * longest + 1) - best(0, longest);
       }
       ++patches;
@@ -131,7 +131,7 @@ void CoarseMatch::measure(const MatchedViews& views) {
   rows_off_ = find_rows(patches);
 }
 
-// Each patch may be like something on any row; all of them together only on the right one.
+// A single patch may correlate by chance on any row. All patches together do so only on the right row.
 double CoarseMatch::find_rows(size_t patches) const {
   const auto count = static_cast<double>(patches);
   Likeness mean{};

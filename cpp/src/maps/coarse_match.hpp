@@ -1,6 +1,6 @@
-// Why two views do not agree: patches of the left view are looked for in the right one without the network, to both sides
-// and on other rows. It takes longer than other checks, and is asked only of frames that failed them, or whose matches tell
-// of no rotation.
+// Finds out why two views do not agree. It searches patches of the left view in the right view, on both sides and on other
+// rows, without the network. The search takes longer than other checks. It runs only for frames that failed those checks, or
+// for which no rotation of the rig could be measured.
 #pragma once
 
 #include <array>
@@ -15,18 +15,18 @@ class CoarseMatch {
  public:
   void measure(const MatchedViews& views);
 
-  // How much better patches correlate with the right view to their right, where matches of exchanged views lie, than to
-  // their left; not a number where there is too little texture.
+  // How much better patches correlate with the right view on their right, where matches of swapped views lie, than on their
+  // left. NaN where there is too little texture.
   double exchanged_gain() const { return exchanged_gain_; }
 
-  // Rows of brightness by which matches lie lower, where all patches together correlate clearly better on those rows than on
-  // others; not a number where they do not.
+  // Rows of brightness by which matches lie lower in the right view. NaN unless all patches together correlate clearly better
+  // at this offset than at others.
   double rows_off() const { return rows_off_; }
 
  private:
   static constexpr int farthest_row = 10;
   static constexpr int rows_tried = 2 * farthest_row + 1;
-  using Likeness = std::array<double, rows_tried>;  // of one patch, on each row
+  using Likeness = std::array<double, rows_tried>;  // how well one patch correlates on each row
 
   void find_spread(const MatchedViews& views);
   bool read_patch(const MatchedViews& views, int x, int y);
@@ -35,9 +35,9 @@ class CoarseMatch {
 
   double exchanged_gain_ = 0.0;
   double rows_off_ = 0.0;
-  std::array<float, patch_cells> patch_;  // about its mean
-  float deviation_ = 0.0f;                // root of the sum of its squares
-  std::vector<float> spread_;  // of a patch around each cell of the right view: one over the root of its sum of squares; 0: flat
+  std::array<float, patch_cells> patch_;  // grey levels less their mean
+  float deviation_ = 0.0f;                // root of the sum of squares of `patch_`
+  std::vector<float> spread_;  // 1 / root of the sum of squares of the patch around each cell of the right view; 0: flat
   std::vector<float> columns_;
   std::vector<float> found_;
   std::vector<Likeness> likeness_;

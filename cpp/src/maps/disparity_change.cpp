@@ -14,27 +14,27 @@ namespace {
 constexpr int block = 8;  // cells along a side
 constexpr int rows_per_task = 16;
 
-// The change that a camera makes: a constant, and what moving along and turning about each axis do, which is d, d x, d y and
-// d^2. Fitted to the blocks, again and again without those that disagree. Near surfaces pull harder at such a fit than far ones,
-// and a tool is near, so they count less.
+// The change that a moving camera makes has five terms: a constant, d, d x, d y and d^2, from motion along and rotation about
+// each axis. The fit over the blocks is repeated, each time without the blocks that disagree. Near surfaces influence such a
+// fit more than far ones. A tool is near, so near surfaces count less.
 constexpr float disparity_unit = 32.0f;
 constexpr int fit_passes = 6;
-constexpr float fit_reach = 3.0f;                        // in units of the median of what is left
+constexpr float fit_reach = 3.0f;                        // in units of the median residual
 constexpr float least_reach = 0.01f, most_reach = 3.0f;  // network pixels
-constexpr float least_weight = 8.0f;                     // of a block: few cells that agree say little
+constexpr float least_weight = 8.0f;                     // blocks below are not fitted: few cells that agree say little
 constexpr double fit_ridge = 1.0;
 constexpr float leverage = 5.0f;
 
-// The camera's rate follows the fit as an alpha-beta filter, so that a noisy fit moves little.
+// An alpha-beta filter makes the rate follow the fit, so that a noisy fit changes the rate little.
 constexpr float change_gain = 0.5f, rate_gain = 0.3f;
 
-// A difference that neighbouring blocks of one surface share is a change, such as of a tool that comes nearer, as far as it is
-// above this share of the error to be expected, and above so many times what is usual in the frame. What is below is taken for
-// noise.
+// Neighbouring blocks of one surface may share a difference, such as that of a tool that comes nearer. It counts as a change as
+// far as it exceeds both limits: this share of the expected error, and this multiple of the usual difference in the frame. The
+// part below is taken for noise.
 constexpr float shared_share = 0.1f;
 constexpr float unusual = 3.0f;
-constexpr float same_surface = 2.0f;  // network pixels between two blocks; those twice as far apart share nothing
-constexpr float block_ridge = 4.0f;  // cells of an error of 1: blocks with few that agree change little
+constexpr float same_surface = 2.0f;  // network pixels between two blocks; blocks twice as far apart share nothing
+constexpr float block_ridge = 4.0f;  // cells with an error of 1: blocks in which few cells agree change little
 
 float centred(int place, int count) { return static_cast<float>(2 * place + 1) / static_cast<float>(count) - 1.0f; }
 
@@ -102,7 +102,7 @@ void DisparityChange::follow_camera(MutableFloatView moved) {
   parallel_for(moved.height, rows_per_task, add_rows);
 }
 
-// What the samples share beyond the rate.
+// The change that the samples share, beyond the rate.
 DisparityChange::Terms DisparityChange::fitted_change() {
   Terms change{};
   left_over_.resize(samples_.size());
@@ -160,7 +160,7 @@ void DisparityChange::follow_tools(MutableFloatView moved) {
   parallel_for(size.height, rows_per_task, add_rows);
 }
 
-// Of what is on the same surface: a thin tool must not wait for the tissue around it.
+// Sums over the neighbouring blocks of the same surface only: the tissue around a thin tool must not hold it back.
 DisparityChange::Block DisparityChange::sums_around(int x, int y) const {
   const Block& own = blocks_[static_cast<size_t>(y * grid_.width + x)];
   if (!(own.weight > 0.0f)) return {};

@@ -1,7 +1,7 @@
-// How surfaces change their disparity from one frame to the next, told apart from errors that change.
+// How surfaces change their disparity from one frame to the next, separated from errors that change.
 //
-// What the whole picture shares is the camera's motion. It is fitted, and followed as a rate: a camera moves on. What a
-// neighbourhood shares beside it is a tool that moves by itself.
+// A change that the whole picture shares comes from the motion of the camera. It is fitted and followed as a rate, because a
+// camera keeps moving. A further change that a neighbourhood shares comes from a tool that moves by itself.
 #pragma once
 
 #include <array>
@@ -12,24 +12,24 @@
 
 namespace endosdk {
 
-// Differences of disparity, in units of the error to be expected, up to which what was before counts in full, and from which on
-// it does not count. They are wide: where the pictures agree, most of what differs is an error of the network.
+// Differences of disparity, in units of the expected error. Up to `agreeing` the previous disparity counts in full. From
+// `disagreeing` on it does not count. Both are wide: where the pictures agree, most of a difference is an error of the network.
 constexpr float agreeing = 8.0f, disagreeing = 16.0f;
 
 // Maps of one size, in network pixels.
 struct ChangingMaps {
-  FloatView now;    // the frame's own disparity
-  FloatView gate;   // 0..1: how far the pictures agree
-  FloatView error;  // to be expected of the frame's own disparity
+  FloatView now;    // unfiltered disparity of the current frame
+  FloatView gate;   // how well the pictures agree, 0..1
+  FloatView error;  // expected error of `now`
 };
 
-// Of one camera, frame after frame. Keeps its memory.
+// The changes that one camera sees. It takes every frame in order, and keeps its memory.
 class DisparityChange {
  public:
-  // Where nothing is known of the frames before.
+  // Forgets the earlier frames.
   void begin_anew() { rate_ = {}; }
 
-  // Adds the change to disparities of the frame before that were moved to where their surfaces are now.
+  // Adds the change to `moved`, which holds the previous disparities at the places where their surfaces are now.
   void follow(const ChangingMaps& maps, MutableFloatView moved);
 
  private:
@@ -37,7 +37,7 @@ class DisparityChange {
   using Terms = std::array<float, terms>;
   using Matrix = std::array<std::array<double, terms + 1>, terms>;
 
-  // Sums over a block of cells, each by its weight.
+  // Weighted sums over a block of cells.
   struct Block {
     float weight = 0.0f, difference = 0.0f, error = 0.0f, moved = 0.0f, x = 0.0f, y = 0.0f;
   };
@@ -58,13 +58,13 @@ class DisparityChange {
   Block sums_around(int x, int y) const;
   float median_size(const std::vector<float>& values);
 
-  Terms rate_{};  // of the camera's change, per frame
-  Size grid_;     // of blocks
+  Terms rate_{};  // the camera's change per frame
+  Size grid_;     // blocks along and down
   std::vector<Block> blocks_;
   std::vector<Sample> samples_;
-  std::vector<float> left_over_;  // of the fit, per sample
-  std::vector<float> changes_;    // of neighbourhoods, per block
-  std::vector<float> limits_;     // of noise, per block
+  std::vector<float> left_over_;  // residual of the fit, per sample
+  std::vector<float> changes_;    // change of the neighbourhood, per block
+  std::vector<float> limits_;     // changes below are noise, per block
   std::vector<float> sorted_;
 };
 

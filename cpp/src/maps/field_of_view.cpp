@@ -9,11 +9,11 @@
 namespace endosdk {
 namespace {
 
-constexpr float darkest = 24.0f;     // grey levels: surroundings are darker
-constexpr float evenness = 4.0f;     // grey levels by which they may be brighter than their median
-constexpr float least_edge = 8.0f;   // grey levels from them to what lies two cells further in, in the middle of all edges
-constexpr double least_border = 0.02;   // of the border that must be dark
-constexpr double least_outside = 0.005;  // of the picture; less is no field of view
+constexpr float darkest = 24.0f;     // grey level: surroundings are darker
+constexpr float evenness = 4.0f;     // grey levels by which a cell of the surroundings may exceed their median
+constexpr float least_edge = 8.0f;   // grey levels: median step from the surroundings to the cells two further in
+constexpr double least_border = 0.02;   // share of the border that must be dark
+constexpr double least_outside = 0.005;  // share of the picture outside; with less there is no field of view
 constexpr double least_inside = 0.1;
 
 enum Mark : uint8_t { inside_mark = 0, outside_mark = 1 };
@@ -52,7 +52,9 @@ void FieldOfView::find(const float* levels, Size cells) {
   find_parts(outside_mark);
   keep_those_at_the_border();
   if (!ends_at_an_edge(levels, base) || !find_largest_part()) return;
-  is_part_ = write() <= 1.0 - least_outside;
+  remove_dents();
+  fill_map();
+  is_part_ = share_ <= 1.0 - least_outside;
 }
 
 void FieldOfView::take(const std::vector<uint8_t>& inside, Size cells) {
@@ -60,10 +62,12 @@ void FieldOfView::take(const std::vector<uint8_t>& inside, Size cells) {
   std::transform(inside.begin(), inside.end(), mark_.begin(), [](uint8_t cell) { return cell != 0 ? inside_mark : outside_mark; });
   find_parts(inside_mark);
   for (const Run& run : runs_) add(run);
-  is_part_ = write() < 1.0;
+  remove_dents();
+  fill_map();
+  is_part_ = share_ < 1.0;
 }
 
-// All of it, so that the first frame takes what later ones need.
+// Allocates all memory at once, so that frames after the first allocate nothing.
 void FieldOfView::make_room(Size cells) {
   size_ = cells;
   is_part_ = false;
@@ -81,7 +85,7 @@ void FieldOfView::make_room(Size cells) {
 FieldOfView::Extent FieldOfView::extent(int y, int from_edge) const {
   if (!is_part_) return {0, size_.width - 1};
   Extent found = extents_[static_cast<size_t>(y)];
-  // A field has no dents, so the rows between reach as far as these.
+  // A field has no dents, so the rows in between reach at least as far as these two.
   for (const int v : {std::max(0, y - from_edge), std::min(y + from_edge, size_.height - 1)}) {
     found.first = std::max(found.first, extents_[static_cast<size_t>(v)].first);
     found.last = std::min(found.last, extents_[static_cast<size_t>(v)].last);
@@ -91,7 +95,7 @@ FieldOfView::Extent FieldOfView::extent(int y, int from_edge) const {
   return found;
 }
 
-// Runs of cells with one mark; those that touch, side by side, are of one part.
+// Finds the runs of cells with this mark. Runs with cells that share a side belong to one part.
 void FieldOfView::find_parts(uint8_t mark) {
   runs_.clear();
   size_t above = 0;
@@ -131,7 +135,7 @@ void FieldOfView::join(int32_t a, int32_t b) {
   runs_[static_cast<size_t>(a)].cells += runs_[static_cast<size_t>(b)].cells;
 }
 
-// Of the dark parts, those that reach the border of the picture lie outside.
+// Only the dark parts that reach the border of the picture stay outside. The others are marked as inside.
 void FieldOfView::keep_those_at_the_border() {
   const auto count = static_cast<int32_t>(runs_.size());
   for (int32_t i = 0; i < count; ++i) {
@@ -146,7 +150,7 @@ void FieldOfView::keep_those_at_the_border() {
   }
 }
 
-// What lies two cells further in than the outside, less what is outside: the middle of all edges.
+// Tests the median step, over all edges, from the level of the outside (`base`) to the cells two further in.
 bool FieldOfView::ends_at_an_edge(const float* levels, float base) {
   steps_.clear();
   const auto look = [&](ptrdiff_t at, ptrdiff_t step) {
@@ -167,7 +171,7 @@ bool FieldOfView::ends_at_an_edge(const float* levels, float base) {
   return !steps_.empty() && median(steps_) >= least_edge;
 }
 
-// Its extents; text beside the field is in other parts.
+// Takes the extents of the largest part alone: text beside the field forms other parts. False where the part is too small.
 bool FieldOfView::find_largest_part() {
   find_parts(inside_mark);
   int32_t largest = -1;
@@ -191,9 +195,14 @@ void FieldOfView::add(const Run& run) {
   extent.last = std::max(extent.last, run.last);
 }
 
-// Takes away the dents of one side, -1: left, 1: right: rows between two others reach at least as far as the line that
-// joins those.
-void FieldOfView::straighten(int side) {
+void FieldOfView::remove_dents() {
+  remove_dents(-1);
+  remove_dents(1);
+}
+
+// Removes the dents of one side (-1: left, 1: right): a row between two others reaches at least as far as the line that joins
+// them.
+void FieldOfView::remove_dents(int side) {
   const auto reach = [&](int y) {
     const Extent& extent = extents_[static_cast<size_t>(y)];
     return side > 0 ? extent.last : -extent.first;
@@ -226,9 +235,8 @@ void FieldOfView::straighten(int side) {
   }
 }
 
-double FieldOfView::write() {
-  straighten(-1);
-  straighten(1);
+// Writes the map and the share from the extents.
+void FieldOfView::fill_map() {
   int64_t count = 0;
   for (int y = 0; y < size_.height; ++y) {
     const Extent& extent = extents_[static_cast<size_t>(y)];
@@ -237,7 +245,6 @@ double FieldOfView::write() {
     count += std::max(0, extent.last - extent.first + 1);
   }
   share_ = static_cast<double>(std::max<int64_t>(1, count)) / static_cast<double>(inside_.size());
-  return share_;
 }
 
 }  // namespace endosdk

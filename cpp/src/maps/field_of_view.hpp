@@ -1,7 +1,8 @@
-// The part of a view that the optics fill, found in the picture itself or stated by the rig.
+// The field of view: the part of a picture that the optics fill. It is found in the picture itself, or stated by the rig.
 //
-// Around a circle, an octagon or bars lies an even dark, joined to the border, that ends at an edge. Dark tissue fades: no
-// edge, no field. A field of view has no dents, so tissue as dark as its surroundings is taken back into it.
+// The surroundings of the field are evenly dark, touch the border of the picture and end at an edge. Dark tissue has no such
+// edge, because it darkens slowly; then no field is found. A field of view has no dents, so tissue as dark as the surroundings
+// is added back to it.
 #pragma once
 
 #include <cstddef>
@@ -16,41 +17,41 @@ namespace endosdk {
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class FieldOfView {
  public:
-  // Where a row of cells begins and ends; none where last < first.
+  // The first and the last cell of a row; no cell where last < first.
   struct Extent {
     int first;
     int last;
   };
 
-  // `levels` are grey levels of cells, row by row.
+  // Finds the field in a picture. `levels` are grey levels of cells, row by row.
   void find(const float* levels, Size cells);
 
-  // Takes it from a mask of cells, row by row, without dents; not 0: inside.
+  // Takes the field from a mask of cells, row by row. A cell that is not 0 is inside. The mask has no dents.
   void take(const std::vector<uint8_t>& inside, Size cells);
 
-  // Whether it leaves anything out.
+  // Whether the field is smaller than the picture.
   bool is_part() const { return is_part_; }
 
-  // The cells of a row that lie in the field, at least so many, down or along, from its edge. The border of the picture is
-  // no edge.
+  // The cells of row y that lie in the field, at least `from_edge` cells from its edge, both down and along. The border of the
+  // picture is no edge.
   Extent extent(int y, int from_edge) const;
 
   bool inside(int x, int y) const { return inside_[static_cast<size_t>(y) * static_cast<size_t>(size_.width) + static_cast<size_t>(x)] > 0.5f; }
 
-  // 1 for cells inside and 0 for others.
+  // 1 for cells inside, 0 for others.
   FloatView map() const { return {inside_.data(), size_.width, size_.height}; }
 
-  // Of all cells; never 0.
+  // Share of all cells that lie inside; never 0.
   double share() const { return share_; }
 
  private:
-  // Neighbouring cells of a row that are taken for the same.
+  // Neighbouring cells of a row that have the same mark.
   struct Run {
     int y;
     int first;
     int last;
-    int32_t part;  // a run before it, or itself, of the same part
-    int32_t cells;  // of the whole part, where it is its first run
+    int32_t part;  // an earlier run of the same part, or this run
+    int32_t cells;  // cells of the whole part, if this is its first run
   };
 
   void make_room(Size cells);
@@ -61,13 +62,14 @@ class FieldOfView {
   void keep_those_at_the_border();
   bool ends_at_an_edge(const float* levels, float base);
   bool find_largest_part();
-  void straighten(int side);
-  double write();
+  void remove_dents();
+  void remove_dents(int side);
+  void fill_map();
 
   Size size_;
   bool is_part_ = false;
   double share_ = 1.0;
-  std::vector<uint8_t> mark_;  // what a cell is taken for
+  std::vector<uint8_t> mark_;  // a `Mark` for each cell
   std::vector<Run> runs_;
   std::vector<float> steps_;
   std::vector<Extent> extents_;

@@ -6,10 +6,10 @@
 namespace endosdk {
 namespace {
 
-// Shares of a cell this small are none.
+// Smaller shares of a cell count as 0.
 constexpr float least_share = 0.001f;
 
-// The cells between whose middles an output pixel lies; one, where it lies on it.
+// The two cells between whose centres an output pixel lies, or one cell if the pixel lies on its centre.
 FieldOfView::Extent cells_around(int out, double scale, int size) {
   const auto place = std::clamp(static_cast<float>((out + 0.5) * scale - 0.5), 0.0f, static_cast<float>(size - 1));
   return {static_cast<int>(std::floor(place + least_share)), static_cast<int>(std::ceil(place - least_share))};
@@ -49,13 +49,13 @@ const uint8_t* FieldRows::right(int y, int worker, const uint8_t* valid) {
   const uint8_t* const inside = row(right_, y, worker);
   if (inside == nullptr || valid == nullptr) return inside != nullptr ? inside : valid;
   uint8_t* const both = right_.rows.data() + static_cast<ptrdiff_t>(worker) * width_;
-  // A copy, because the bytes written might be those of the member: the compiler would go byte by byte.
+  // A local copy: the compiler must assume that the byte writes change the member, and would not vectorise the loop.
   const int width = width_;
   for (int x = 0; x < width; ++x) both[x] &= valid[x] != 0 ? 1 : 0;
   return both;
 }
 
-// A pixel is inside where all cells around it are.
+// A pixel is inside if all cells around it are inside.
 const uint8_t* FieldRows::row(Side& side, int y, int worker) {
   if (!side.field->is_part()) return nullptr;
   const FieldOfView::Extent around = cells_around(y, scale_.y, side.field->map().height);

@@ -13,21 +13,21 @@ namespace endosdk {
 // Keeps its tables between frames: nothing is allocated as long as sizes and the number of workers do not grow.
 class FieldRows {
  public:
-  // To be called for every frame. `scale` counts cells of the fields per output pixel.
+  // Must be called for every frame. `scale` is in cells of the fields per output pixel.
   void prepare(const FieldOfView& left, const FieldOfView& right, int out_width, Scale scale, int workers);
 
-  // 1 for pixels inside the left field, 0 for others; null where all are inside. Half a cell along the edge is outside,
-  // because there a cell shows both. Good until the worker's next call.
+  // 1 for pixels inside the left field, 0 for others; null if all are inside. Half a cell along the edge is outside, because a
+  // cell there shows both sides. The row is valid until the worker's next call.
   const uint8_t* left(int y, int worker);
 
-  // The same of the right field; pixels that are not in `valid` (null: all are) are not inside either.
+  // The same for the right field. Pixels that are 0 in `valid` are outside, too. A null `valid` excludes no pixel.
   const uint8_t* right(int y, int worker, const uint8_t* valid);
 
  private:
   struct Side {
     const FieldOfView* field = nullptr;
-    std::vector<int> first;  // output pixel, of those whose cells begin at each cell or after it
-    std::vector<int> end;    // after the last one of those whose cells end at each cell or before it
+    std::vector<int> first;  // for each cell, the first output pixel whose cells begin there or later
+    std::vector<int> end;    // for each cell, one past the last output pixel whose cells end there or earlier
     std::vector<uint8_t> rows;  // per worker
   };
 

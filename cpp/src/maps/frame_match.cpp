@@ -12,11 +12,11 @@
 namespace endosdk {
 namespace {
 
-// Differences of the pictures, in units of their median, up to which a pixel counts in full, and from which on it does not
+// Differences of the pictures, in units of their median. Up to `alike` a pixel counts in full, from `unlike` on it does not
 // count.
 constexpr float alike = 2.5f, unlike = 5.0f;
 constexpr float least_noise = 0.5f, most_noise = 4.0f;  // grey levels
-constexpr float cut = 16.0f;  // where half of the picture differs by more, it is another scene
+constexpr float cut = 16.0f;  // if half of the picture differs by more, the scene has changed
 
 constexpr int rows_per_block = 16;
 constexpr int red = 0;  // the channel
@@ -88,7 +88,7 @@ FrameMatch::Gains FrameMatch::read_residuals() {
     }
   };
   parallel_for(size.height, rows_per_block, move_rows);
-  // A camera sets its exposure anew for every frame, and its white balance.
+  // A camera may change its exposure and white balance at every frame.
   const auto gain_of = [&](const FloatView& now, const std::vector<float>& before) {
     double sum_now = 0.0, sum_before = 0.0;
     for (size_t i = 0; i < before.size(); ++i) {
@@ -141,7 +141,7 @@ float FrameMatch::difference_at(int x, int y, ImageMotion::Shift shift, const Ga
   return total / 9.0f;
 }
 
-// At the edge of a tool the motions of both sides are mixed. There a pixel takes the motion of a patch nearby, if that
+// At the edge of a tool, the motions of both sides are mixed. There a pixel takes the motion of a nearby patch if this motion
 // explains the picture better.
 float FrameMatch::find_better(int x, int y, const Gains& gains, float residual) {
   const Size size = this->size();

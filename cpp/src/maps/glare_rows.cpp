@@ -11,7 +11,7 @@ int nearest(int position, double scale, int size) {
   return std::min(static_cast<int>((position + 0.5) * scale), size - 1);
 }
 
-// Returns the largest of them.
+// Writes the least of the three channels for each pixel, and returns the largest of these.
 uint8_t least_of_channels(const PlanarView& view, int y, uint8_t* __restrict out) {
   const uint8_t* red = view.row(0, y);
   const uint8_t* green = view.row(1, y);
@@ -50,7 +50,7 @@ const uint8_t* GlareRows::row(const PlanarView& view, int y, int worker) {
   if (latest.y != source_y) {  // several output rows lie on one row of the view
     latest = {source_y, least_of_channels(view, source_y, seen) >= saturation_level};
     if (latest.saturated && !columns_.empty()) {
-      // Copies, because the bytes written might be those of the members.
+      // Local copies: the compiler must assume that the byte writes change the members.
       const int* const columns = columns_.data();
       const int width = out_width_;
       for (int x = 0; x < width; ++x) wide[x] = seen[columns[x]];

@@ -11,13 +11,13 @@
 namespace endosdk {
 namespace {
 
-constexpr int steps = 4;        // of Gauss and Newton, per level
+constexpr int steps = 4;        // Gauss-Newton steps per level
 constexpr float ridge = 64.0f;  // grey levels squared: a patch without texture keeps the shift it began with
 constexpr int cells = ImageMotion::patch * ImageMotion::patch;
 
 using Patch = std::array<float, cells>;
 
-// Two neighbours along one axis, and how far the position is from the first.
+// Two neighbours along one axis, and the distance from the first one to the position.
 struct Between {
   int first, second;
   float share;
@@ -38,7 +38,7 @@ float blend(const FloatView& map, const Between& x, const Between& y) {
   return upper * (1.0f - y.share) + lower * y.share;
 }
 
-// Sums run down the columns of a patch first, so that the compiler adds whole rows.
+// Sums run down the columns of a patch first, so that the compiler can add whole rows.
 using PatchRow = std::array<float, ImageMotion::patch>;
 
 float sum_of(const PatchRow& row) {
@@ -64,10 +64,11 @@ float product(const Patch& a, const Patch& b) {
   return sum_of(sums);
 }
 
-// The patch whose first pixel lies at (left, top), which may be between pixels, about its mean. Beyond the map its edge goes on.
+// Reads the patch whose first pixel is at (left, top), which may lie between pixels, and subtracts its mean. Outside the map
+// the edge is repeated.
 void read_patch(const FloatView& map, float left, float top, Patch& out) {
   constexpr int side = ImageMotion::patch + 1;
-  // A patch that lies farther out looks alike.
+  // Every patch farther out than these limits reads the same values.
   const auto place = [](float at, int size) { return std::clamp(at, static_cast<float>(-side), static_cast<float>(size)); };
   const float x = place(left, map.width);
   const float y = place(top, map.height);
@@ -109,7 +110,8 @@ void read_slopes(const FloatView& map, int left, int top, Patch& along_x, Patch&
   subtract_mean(along_y);
 }
 
-// From the shift that it begins with to where the patch was. A shift that ran away goes back to its beginning.
+// Improves the shift of a patch, from its start value to where the patch was. A shift that runs away is reset to its start
+// value.
 void follow(const FloatView& now, const FloatView& before, int left, int top, float& shift_x, float& shift_y) {
   Patch seen, along_x, along_y, found;
   read_patch(now, static_cast<float>(left), static_cast<float>(top), seen);
@@ -192,7 +194,7 @@ void ImageMotion::find(const BrightnessPyramid& now, const BrightnessPyramid& be
   }
 }
 
-// No shift, or twice that of the nearest patch of the coarser level.
+// Start values: no shift on the coarsest level, else twice the shift of the nearest patch of the coarser level.
 void ImageMotion::start(Size patches, bool coarsest) {
   const Size coarse = patches_;
   std::swap(x_, former_x_);
@@ -227,7 +229,7 @@ void ImageMotion::refine(const FloatView& now, const FloatView& before) {
   parallel_for(patches_.height, 1, follow_rows);
 }
 
-// Single patches that went astray follow their neighbours.
+// Replaces single outliers by what their neighbours found.
 void ImageMotion::smooth() {
   former_x_ = x_;
   former_y_ = y_;

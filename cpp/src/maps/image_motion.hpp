@@ -1,4 +1,4 @@
-// Where the surfaces of a view were in the view before: one shift per patch, by Lucas and Kanade's method over a pyramid.
+// Where the surfaces of a view were in the previous view: one shift per patch, by the Lucas-Kanade method over a pyramid.
 #pragma once
 
 #include <array>
@@ -11,10 +11,10 @@
 
 namespace endosdk {
 
-// The value of a map at a position between its cells, bilinear; outside it the nearest edge's.
+// Bilinear sample of a map. A position outside the map takes the value of the nearest edge.
 float sample_bilinear(const FloatView& map, float x, float y);
 
-// One level of a view's brightness. Its memory is kept between frames.
+// One level of a view's brightness. It keeps its memory between frames.
 struct BrightnessMap {
   Size size;
   std::vector<float> values;
@@ -26,16 +26,16 @@ struct BrightnessMap {
   FloatView view() const { return {values.data(), size.width, size.height}; }
 };
 
-// Means over squares of `unit` pixels of one channel of a view; `out` has its size.
+// Writes means over squares of unit x unit pixels of one channel of a view. The size of `out` sets how many.
 void read_means(const PlanarView& view, int channel, int unit, BrightnessMap& out);
 
-// A view reduced to about 120 columns, and halved again twice while patches still fit.
+// A view reduced to about 120 columns, then halved up to two times while patches still fit.
 class BrightnessPyramid {
  public:
   static constexpr int columns = 120;  // about
   static constexpr int most_levels = 3;
 
-  // `picture` is the part of the view that is no padding. Brightness is that of green.
+  // `picture` is the part of the view without the padding. Brightness is the green channel.
   void read(const PlanarView& view, Size picture);
 
   int levels() const { return levels_; }
@@ -53,18 +53,18 @@ class BrightnessPyramid {
 class ImageMotion {
  public:
   static constexpr int patch = motion_patch;  // pixels of a level
-  static constexpr int step = 4;   // from a patch to the next
+  static constexpr int step = 4;   // pixels from one patch to the next
 
-  // Both pyramids are of views of one size. `finest` is the last level that is looked at, in whose pixels shifts are.
+  // Both views have the same size. `finest` is the last level that is searched; shifts are in pixels of this level.
   void find(const BrightnessPyramid& now, const BrightnessPyramid& before, int finest = 0);
 
-  // What is at (x, y) of the finest level now was at (x + shift.x, y + shift.y).
+  // The surface that is now at (x, y) of the finest level was at (x + shift.x, y + shift.y).
   struct Shift {
     float x, y;
   };
   Shift at(float x, float y) const;
 
-  // That of the patch nearest to a pixel, or of one so many patches from it.
+  // The shift of the patch nearest to pixel (x, y), or of the patch patches_x and patches_y away from it.
   Shift of_patch(int x, int y, int patches_x, int patches_y) const;
 
   // The median over all patches.
@@ -77,7 +77,7 @@ class ImageMotion {
 
   Size patches_;
   std::vector<float> x_, y_;                // per patch
-  std::vector<float> former_x_, former_y_;  // of the coarser level, and before smoothing
+  std::vector<float> former_x_, former_y_;  // shifts of the coarser level; during smoothing, shifts before it
 };
 
 }  // namespace endosdk

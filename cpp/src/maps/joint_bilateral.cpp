@@ -21,7 +21,7 @@ int first_cell(int phase, int factor) {
   return static_cast<int>(std::floor(offset(phase, factor))) - (JointBilateralUpsampling::reach - 1);
 }
 
-// How much the tap-th of those cells counts.
+// Weight of the tap-th of the cells around a pixel.
 double tent(int phase, int factor, int tap) {
   const double distance = std::abs(offset(phase, factor) - (first_cell(phase, factor) + tap));
   return std::max(0.0, 1.0 - distance / JointBilateralUpsampling::reach);
@@ -37,10 +37,10 @@ int JointBilateralUpsampling::factor(const FloatView& cells, const PlanarView& v
 
 void JointBilateralUpsampling::prepare(const FloatView& cells, int factor) {
   if (factor != factor_) {
-    factor_ = 0;  // in case that memory runs out before the tables are whole
+    factor_ = 0;  // in case memory runs out before the tables are complete
     start_.clear();
     share_.clear();
-    // Cells are stored from `reach` beyond the left end of the grid on.
+    // The stored cells begin `reach` cells left of the grid.
     for (int phase = 0; phase < factor; ++phase) start_.push_back(first_cell(phase, factor) + reach);
     for (int row = 0; row < factor; ++row) {
       for (int column = 0; column < factor; ++column) {

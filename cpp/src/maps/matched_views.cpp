@@ -13,17 +13,18 @@ namespace endosdk {
 namespace {
 
 constexpr int rows_per_block = 4;
-constexpr int edge_cells = 1;  // from the edge of a field of view: these show both sides
+constexpr int edge_cells = 1;  // left out along the edge of a field of view, because they show both sides
 constexpr double one_in_a_thousand = 3.09;  // standard deviations
 constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 
-// White noise comes through a mask of 1 -2 1, both ways, six times as strong; of a normal law half of the values lie
-// within 0.6745 standard deviations. Texture hardly changes the median. What lies outside the field of view may have none.
+// Standard deviation of the noise, from the median size of the mixed second difference. A mask of 1 -2 1 along both axes makes
+// white noise six times as strong. Half of the values of a normal law lie within 0.6745 standard deviations. Texture hardly
+// changes the median. Pixels outside the field of view are left out, because they may have no noise.
 double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView& field, std::vector<uint16_t>& differences) {
   constexpr int green = 1;
   constexpr int largest = 8 * 255;
   constexpr double half = 0.6745 * 6.0;
-  // Two, because most differences are alike, and a count that was just changed must be waited for.
+  // Two histograms in turn: most differences are equal, and the processor waits for a count that was just changed.
   std::array<int, largest + 1> one{};
   std::array<int, largest + 1> other{};
   const int step = 2 * unit;
@@ -47,7 +48,7 @@ double noise_of(const PlanarView& view, Size cells, int unit, const FieldOfView&
   int below_it = 0;
   for (int value = 0; value <= largest; ++value) {
     const int here = one[static_cast<size_t>(value)] + other[static_cast<size_t>(value)];
-    // Between whole values, so that noise below a grey level is not taken for none.
+    // Interpolates between whole values, so that noise below one grey level does not count as 0.
     if (here > 0 && 2 * (below_it + here) >= count) return (value + (0.5 * count - below_it) / here - (value > 0 ? 0.5 : 0.0)) / half;
     below_it += here;
   }
@@ -126,7 +127,7 @@ void MatchedViews::find_fields_and_noise(const PlanarView* const (&views)[2]) {
   });
 }
 
-// Sums along the rows, of both views where they were matched.
+// Sums along the rows of both views, where they were matched.
 void MatchedViews::match() {
   std::fill_n(sums_of(cells_.height), correlation_sums * cells_.width, 0.0f);
   const auto match_rows = [&](int begin, int end, int worker) {
@@ -161,7 +162,7 @@ void MatchedViews::correlate() {
   parallel_for(cells_.height, rows_per_block, correlate_rows);
 }
 
-// The disparity of each cell, that of the grid's cell at its middle; the outermost cells are repeated once.
+// Each cell takes the disparity that the map has at the centre of the cell. The outermost cells are repeated once.
 void MatchedViews::place(const FloatView& disparity, Scale grid) {
   const int stride = cells_.width + 2;
   disparity_.resize(static_cast<size_t>(stride) * static_cast<size_t>(cells_.height + 2));
@@ -210,7 +211,7 @@ void MatchedViews::find_field(int view) {
   if (known_[static_cast<size_t>(view)] == nullptr) found_[view].find(levels.data(), cells_);
 }
 
-// Sums run down the columns first, so that the compiler adds whole rows.
+// Sums run down the columns first, so that the compiler can add whole rows.
 void MatchedViews::sum_up() {
   const auto width = static_cast<size_t>(cells_.width);
   std::fill_n(scratch_.begin(), 3 * width, 0.0f);

@@ -1,8 +1,9 @@
-// Both views of a pair, compared where the network matched them. Whatever asks whether an answer, or a whole frame, can be
-// trusted reads it from here.
+// Both views of a pair, compared where the network matched them. All checks of whether a pixel, or a whole frame, can be
+// trusted use these results.
 //
-// Everything stands on a grid of cells, about 240 along a row whatever the size of the pictures: 2 x 2 pixels of a picture
-// 480 wide, 4 x 4 of one of 960. Brightness has twice as many columns, since matches lie between cells.
+// The results lie on a grid of about 240 cells along a row, whatever the size of the pictures. A cell is 2 x 2 pixels of a
+// picture 480 px wide, and 4 x 4 pixels of a picture 960 px wide. Brightness has twice as many columns, because matches lie
+// between cells.
 #pragma once
 
 #include <array>
@@ -19,21 +20,21 @@ namespace endosdk {
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class MatchedViews {
  public:
-  static constexpr int columns = 480;  // of brightness, about
+  static constexpr int columns = 480;  // columns of brightness, about
 
-  // Fields of view that are known, left and right; null: found in the picture.
+  // Known fields of view, left and right. A null field is found in the picture.
   using Fields = std::array<const FieldOfView*, 2>;
 
-  // Grid of a picture, and pixels per column of brightness.
+  // Number of cells of a picture, and pixels per column of brightness.
   static Size cells_of(Size picture);
   static int unit_of(Size picture);
 
-  // `picture` is the part of both views that is no padding; `grid` counts grid cells of the disparity, in pixels of the
-  // views, per pixel.
+  // Disparities are in pixels of the views. `picture` is the part of both views without the padding. `grid` is in cells of the
+  // disparity map per pixel of the views.
   void compare(const FloatView& disparity, const PlanarView& left, const PlanarView& right, Size picture, Scale grid,
                const Fields& known);
 
-  // Cells; none where the picture is too small for one.
+  // Number of cells; 0 where the picture is too small for one cell.
   Size size() const { return cells_; }
 
   // Pixels of the view per column of brightness; a cell is two columns wide and high.
@@ -43,7 +44,8 @@ class MatchedViews {
   double left_noise() const { return left_noise_; }
   double right_noise() const { return right_noise_; }
 
-  // What is left of it as a variance, 0: left, 1: right: in the columns of brightness before they are smoothed, and in cells.
+  // Variance of the noise that averaging leaves in the columns of brightness, before they are smoothed, and in cells. View 0 is
+  // the left one, 1 the right one.
   double noise_of_column(int view) const;
   double noise_of_cell(int view) const { return noise_of_column(view) * (6.0 + 4.0) / 32.0; }
 
@@ -55,9 +57,10 @@ class MatchedViews {
     return known != nullptr ? *known : found_[view];
   }
 
-  // Per cell: disparity in columns, not a number where it is not compared: outside a field of view, at its edge, or matched with
-  // what lies there; correlation of the views around it, not a number where there is nothing to compare; the share of the
-  // network's confidence that is left; and the factor of its odds.
+  // Four values per cell. Disparity, in columns, is NaN for cells that are not compared: cells outside a field of view or at
+  // its edge, and cells whose match lies there. Correlation of the views around the cell is NaN where there is nothing to
+  // compare. Support is the share of the network's confidence that the pictures leave. Odds is the factor on the odds of this
+  // confidence.
   const float* disparity(int y) const { return disparity_.data() + static_cast<ptrdiff_t>(y + 1) * (cells_.width + 2) + 1; }
   const float* correlation(int y) const { return correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
   const float* support(int y) const { return support_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
@@ -67,8 +70,8 @@ class MatchedViews {
   const float* left(int y) const { return brightness_[0].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
   const float* right(int y) const { return brightness_[1].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
 
-  // Mean correlation of all cells that can be compared, 0 when there are none; the most that it may be, but for one pair in
-  // a thousand; and the share of these cells in the field of view.
+  // Mean correlation of all cells that can be compared, 0 if there are none. Its upper bound, which the true mean exceeds for
+  // one pair in a thousand. The share of the field of view that these cells make up.
   double correlation() const { return mean_correlation_; }
   double most_correlation() const { return most_correlation_; }
   double textured_share() const { return textured_share_; }
@@ -95,17 +98,17 @@ class MatchedViews {
   double textured_share_ = 0.0;
   Fields known_{};
   FieldOfView found_[2];
-  std::vector<float> levels_[2];  // of cells
+  std::vector<float> levels_[2];  // grey level of each cell
   std::vector<float> brightness_[2];
-  std::vector<uint16_t> differences_[2];  // of one row of pixels
-  std::vector<float> disparity_;  // with a cell more on every side
-  std::vector<float> sums_;  // per row of cells, and one more row of zeros
+  std::vector<uint16_t> differences_[2];  // second differences of one row of pixels
+  std::vector<float> disparity_;  // with one more cell on every side
+  std::vector<float> sums_;  // sums of each row of cells, and one more row of zeros
   std::vector<float> correlation_;
   std::vector<float> support_;
   std::vector<float> odds_;
-  std::vector<int32_t> columns_of_grid_;  // of the disparity, for each cell
+  std::vector<int32_t> columns_of_grid_;  // column of the disparity map for each cell
   int workers_ = 1;
-  int scratch_size_ = 0;  // values, of each worker
+  int scratch_size_ = 0;  // values per worker
   std::vector<float> scratch_;
 };
 

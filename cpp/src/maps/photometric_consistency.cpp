@@ -17,12 +17,12 @@ void PhotometricConsistency::judge(const FloatView& confidence, double reach, co
   const auto width = static_cast<size_t>(confidence.width);
   const size_t count = width * static_cast<size_t>(confidence.height);
   const int workers = thread_count();
-  // All memory before any way out, so that the first frame takes what later ones need.
+  // Allocates all memory before any early return, so that frames after the first allocate nothing.
   seen_.resize(count);
   own_.resize(count);
   cell_of_column_.resize(width);
   scratch_.resize(2 * width * static_cast<size_t>(workers));
-  const bool compared = views != nullptr && views->size().width > 0;  // a view may be too small
+  const bool compared = views != nullptr && views->size().width > 0;  // 0: the views are too small
   if (compared && (views->textured_share() < least_texture || views->most_correlation() < least_correlation)) {
     std::fill(seen_.begin(), seen_.end(), 0.0f);
     std::fill(own_.begin(), own_.end(), 0.0f);

@@ -33,7 +33,7 @@ void check_geometry(const DepthGeometry& g, bool wanted) {
   require(g.max_depth_mm > g.min_depth_mm, "max_depth_mm", "must be greater than min_depth_mm", g.max_depth_mm);
 }
 
-// The part of the views that is no padding.
+// The part of the views without the padding.
 Size picture_of(const PostprocessInput& in) {
   const auto length = [](int size, double scale) { return static_cast<int>(std::ceil(size * scale - 1e-6)); };
   return {length(in.size.width, in.view_scale.x), length(in.size.height, in.view_scale.y)};
@@ -71,7 +71,7 @@ DepthLimits limits_of(const PostprocessInput& in) {
                              ? static_cast<float>((in.max_candidate_disparity - range_margin) * static_cast<double>(in.gain))
                              : std::numeric_limits<float>::infinity();
   limits.metric = g.focal_px > 0.0;
-  // Infinity lies at disparity -doffs, but the network finds nothing below 0.
+  // Infinite depth has the disparity -doffs, but the network finds nothing below 0.
   const double infinity = limits.metric ? std::max(0.0, in.right_shift - g.doffs) : 0.0;
   limits.disparity_begin = static_cast<float>(range_margin * static_cast<double>(in.gain) + infinity);
   if (limits.metric) {
@@ -79,8 +79,8 @@ DepthLimits limits_of(const PostprocessInput& in) {
     limits.doffs = static_cast<float>(g.doffs - in.right_shift);
     limits.min_depth = static_cast<float>(g.min_depth_mm);
     limits.max_depth = static_cast<float>(g.max_depth_mm);
-    // Scale of the Laplace law, gain / -log(1 - own confidence) in frame pixels, which is its mean error. Its standard deviation
-    // would be sqrt(2) times that: too much for real errors, which the law's tails overstate.
+    // Sigma uses the scale of the Laplace law, gain / -log(1 - own confidence) in frame pixels, which is its mean error. The
+    // standard deviation is sqrt(2) times larger. That is too much for real errors, because the law's tails overstate them.
     limits.sigma_factor = static_cast<float>(static_cast<double>(in.gain) / (g.focal_px * g.baseline_mm));
   }
   return limits;
@@ -92,7 +92,7 @@ bool has_right(const PostprocessInput& in) { return in.right.data != nullptr; }
 // Cells of the disparity per pixel of the views.
 Scale cells_of(const PostprocessInput& in) { return {in.scale.y / in.view_scale.y, in.scale.x / in.view_scale.x}; }
 
-// Compares the views where the network matched them, and takes from its confidence what they contradict.
+// Compares the views where the network matched them, and lowers the confidence where they contradict it.
 void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
   const auto started = std::chrono::steady_clock::now();
   if (has_right(in)) {
@@ -106,13 +106,13 @@ void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
   scratch.trust_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
 }
 
-// A disparity map and its pixels per output pixel.
+// A disparity map, and its pixels per output pixel.
 struct Scaled {
   FloatView map;
   Scale scale;
 };
 
-// Judges the views, and meanwhile brings the disparity to the grid of the left one, where that can guide it.
+// Judges the views. Meanwhile, other threads upsample the disparity to the grid of the left view, if this view can guide it.
 Scaled judge_and_upsample(const PostprocessInput& in, PostprocessScratch& scratch) {
   JointBilateralUpsampling& upsampling = scratch.upsampling;
   if (!has_left(in) || JointBilateralUpsampling::factor(in.disparity, in.left) == 0) {
@@ -123,7 +123,7 @@ Scaled judge_and_upsample(const PostprocessInput& in, PostprocessScratch& scratc
   const auto write_rows = [&](int begin, int end, int) {
     for (int y = begin; y < end; ++y) upsampling.write_row(y);
   };
-  // What judges has many short loops, which threads speed up little: it takes one thread, and the others upsample.
+  // The judgement has many short loops, which more threads speed up little. So it takes one thread, and the others upsample.
   parallel_for_beside([&] { judge_views(in, scratch); }, in.left.height, JointBilateralUpsampling::rows_per_block, write_rows);
   return {upsampling.map(), in.view_scale};
 }
@@ -138,7 +138,7 @@ class RowWriter {
     const int width = in.size.width;
     scratch.disparity.prepare(disparity.map.width, disparity.map.height, width, disparity.scale);
     scratch.confidence.prepare(in.confidence.width, in.confidence.height, width, in.scale);
-    // Whether this frame has a sigma or not: a later one takes no memory for it.
+    // Prepared even if this frame has no sigma, so that a later frame with sigma allocates nothing.
     scratch.own.prepare(in.confidence.width, in.confidence.height, width, in.scale);
     scratch.own_row.resize(static_cast<size_t>(workers()) * static_cast<size_t>(width));
     if (has_left(in)) scratch.glare.prepare(in.left, width, in.view_scale, workers());
@@ -152,7 +152,7 @@ class RowWriter {
 
   int workers() const { return scratch_.disparity.workers(); }
 
-  // Returns how many of its pixels have no reason against them.
+  // Writes row y and returns how many of its pixels have no reason.
   int write(int y, int worker) const {
     DepthRow row = row_of(y);
     if (has_left(in_)) row.brightness = scratch_.glare.row(in_.left, y, worker);

@@ -15,6 +15,6 @@ struct ReasonFact {
 constexpr ReasonFact reason_facts[] = {ENDO_REASONS(ENDOSDK_REASON_FACT)};
 #undef ENDOSDK_REASON_FACT
 
-constexpr int saturation_level = 250;  // of all channels
+constexpr int saturation_level = 250;  // grey level that all three channels reach
 
 }  // namespace endosdk

@@ -1,4 +1,5 @@
-// What a rig that moved adds to the expected depth error: its turns move matches along the rows too, unseen.
+// The part of the expected depth error that comes from a rig that has moved. Its rotations also move matches along the rows,
+// where nothing shows it.
 #pragma once
 
 #include <array>
@@ -9,15 +10,15 @@ namespace endosdk {
 
 class RigSigma {
  public:
-  // `focal_baseline` in px * mm. Turns that their standard errors explain add nothing.
+  // `focal_baseline` is in px * mm. Rotations that their standard errors explain add nothing.
   RigSigma(const PoseError& error, const PosePattern& pattern, double focal_baseline);
 
-  // Adds to one row of sigma, mm, in squares.
+  // Adds the square of this error to the square of sigma, mm, in one row.
   void add(const float* depth, int y, int width, float* sigma) const;
 
  private:
   PosePattern pattern_;
-  std::array<double, 3> variance_{};  // of each turn, radians squared
+  std::array<double, 3> variance_{};  // of each rotation, radians squared
   double focal_baseline_;
   bool adds_ = false;
 };

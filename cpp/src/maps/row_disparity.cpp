@@ -9,22 +9,23 @@
 namespace endosdk {
 namespace {
 
-// Bands of three rows of cells, this far apart; the first passes, which only come near, take every so many of them.
+// Bands of three rows of cells lie this far apart. The first, coarse passes take only every `coarse_every`-th band.
 constexpr int band_period = 6;
 constexpr int first_band = 2;
 constexpr int coarse_every = 3;
 constexpr int most_coarse_passes = 6;
 
-// Radians: turns that change by less from pass to pass are near enough.
+// Radians: the coarse passes end when no rotation changes by more.
 constexpr double settled = 0.0005;
 
-// A window whose gradients along y, beyond those that a wrong disparity explains, sum up to less tells nothing; from
-// `enough` on, more tells little more: what is left then is no noise.
+// The information of a window is the sum of its gradients along y that a wrong disparity does not explain. A window with less
+// than `least_information` tells nothing. From `enough_information` on, more tells little more: the remaining error is no
+// noise.
 constexpr float least_information = 2.0f;
 constexpr float enough_information = 20.0f;
 constexpr float ridge = 0.1f;  // keeps windows without gradients along x from dividing by zero
 
-// Rows of brightness that a step may find. Later passes begin near the answer.
+// Longest step, in rows of brightness, that is taken for right. Later passes begin near the answer.
 constexpr float longest_step = 2.0f;
 
 bool near_enough(const PoseVector& before, const PoseVector& after) {
@@ -45,7 +46,7 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   column_ = {2.0 * views.unit() * frame.y, views.unit() * frame.x};
   bands_ = cells.height >= 2 * first_band + 1 ? (cells.height - 1 - 2 * first_band) / band_period + 1 : 0;
   along_ = std::max(0, (cells.width - 1) / 2);
-  // All memory before any way out, so that the first frame takes what later ones need.
+  // Allocates all memory before any early return, so that frames after the first allocate nothing.
   scratch_size_ = (row_step_sums + 1) * cells.width;
   const int workers = thread_count();
   scratch_.resize(static_cast<size_t>(workers) * static_cast<size_t>(scratch_size_));
@@ -86,7 +87,7 @@ void RowDisparity::find_wanted(const FloatView& confidence, Scale grid) {
   }
 }
 
-// Measures every so many bands and forgets the others.
+// Measures every `every`-th band. Measurements of other bands are discarded.
 void RowDisparity::pass(int every) {
   const int apart = bands_ >= every ? every : 1;
   const int measured = (bands_ + apart - 1 - apart / 2) / apart;
@@ -97,7 +98,7 @@ void RowDisparity::pass(int every) {
   parallel_for(measured, 1, bands, static_cast<int>(scratch_.size()) / scratch_size_);
 }
 
-// Its measurements begin at `first`.
+// Measures one band; its measurements begin at `first`.
 void RowDisparity::measure_band(int band, int first, int worker) {
   const Size cells = views_->size();
   const int row = first_row(band);

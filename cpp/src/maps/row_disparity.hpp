@@ -1,5 +1,5 @@
-// What is left across the rows of a matched pair, and what it tells of the rig: one Lucas-Kanade step along y at the
-// disparity found, in windows all over the picture, then the pose error that explains them.
+// The vertical disparity of a matched pair, and what it tells about the rig. One Lucas-Kanade step along y, at the found
+// disparity, measures it in windows all over the picture. Then the pose error that explains these measurements is fitted.
 #pragma once
 
 #include <vector>
@@ -10,14 +10,13 @@
 
 namespace endosdk {
 
-// Confidence of the network from which a cell counts.
+// A cell counts from this confidence of the network on.
 constexpr float row_disparity_confidence = 0.5f;
 
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class RowDisparity {
  public:
-  // `frame` says how many pixels of the frame one of the views is worth; `grid` counts cells of the confidence per pixel
-  // of the views.
+  // `frame` is in frame pixels per pixel of the views. `grid` is in cells of the confidence per pixel of the views.
   const PoseError& measure(const MatchedViews& views, const FloatView& confidence, Scale grid, Scale frame,
                            const PosePattern& pattern);
 
@@ -33,12 +32,12 @@ class RowDisparity {
   PosePattern pattern_;
   Scale column_;  // frame px per column and per row of brightness
   int bands_ = 0;
-  int along_ = 0;  // windows along a band
+  int along_ = 0;  // windows per band
   float flat_ = 0.0f;
   int scratch_size_ = 0;
   PoseMeasurements measurements_;
-  std::vector<float> wanted_;  // three rows a band
-  std::vector<int> columns_;  // of the confidence, for each cell
+  std::vector<float> wanted_;  // three rows per band
+  std::vector<int> columns_;  // column of the confidence for each cell
   std::vector<float> scratch_;  // per worker
   PoseError error_;
 };

@@ -9,16 +9,17 @@
 namespace endosdk {
 namespace {
 
-// Both disparities count by their variance, as in a Kalman filter: that of a frame follows from the network's confidence, that
-// of the frame before from all that went into it, and from this share of the frame's own for what may have changed.
+// As in a Kalman filter, both disparities count by their variance. The variance of the current frame follows from the network's
+// confidence. The variance of the previous result follows from all frames that went into it. To it the filter adds this share
+// of the current frame's variance, for what may have changed since.
 constexpr float drift = 0.02f;
-constexpr float least_share = 0.07f;  // of a frame's own disparity, so that a wrong one is forgotten
+constexpr float least_share = 0.07f;  // of the current frame's disparity, so that the filter forgets a wrong one
 
 constexpr float least_error = 0.8f, most_error = 6.0f;  // network pixels
 
 constexpr int rows_per_block = 16;
 
-// Scale of a Laplace law whose probability of an error up to one network pixel is the confidence.
+// Scale of the Laplace law in which `confidence` is the probability of an error up to one network pixel.
 float expected_error(float confidence) {
   const float inside = std::clamp(confidence, 0.01f, 0.99f);
   return std::clamp(-1.0f / std::log(1.0f - inside), least_error, most_error);

@@ -1,9 +1,9 @@
-// Disparity made steady in time: each frame's is drawn towards that of the frame before, moved to where its surfaces are
-// now.
+// Temporal filter: makes the disparity steadier over time.
 //
-// What was there before counts only where the pictures say that it is the same surface, so that nothing trails behind a tool that
-// moves. How much it counts follows from the variances of both, which the network's confidence tells. Changes that surfaces make
-// are followed, so that nothing lags behind.
+// The filter takes the disparity of the previous frame, moves it to where its surfaces are now, and pulls the disparity of the
+// current frame towards it. The previous disparity counts only where the pictures agree that it is the same surface. So a tool
+// that moves leaves no trail. The variances of both disparities, which follow from the network's confidence, set how much it
+// counts. The filter follows the changes of depth of surfaces, so the result does not lag.
 #pragma once
 
 #include <vector>
@@ -15,16 +15,17 @@ namespace endosdk {
 
 struct TemporalInput {
   PlanarView left;            // as the network saw it
-  Size picture;               // the part of it that is no padding
+  Size picture;               // the part of `left` without the padding
   MutableFloatView disparity;  // network pixels; filtered in place
-  FloatView confidence;        // of the same size
+  FloatView confidence;        // has the same size
   Scale cells;                 // cells of the disparity per pixel of the view
 };
 
-// Of one camera, frame after frame. Keeps its memory: nothing is allocated after the second frame of a size.
+// The filter of one camera. It takes every frame in order. It keeps its memory: after the second frame of a size it allocates
+// nothing.
 class TemporalFilter {
  public:
-  // A first frame, and one of another size, is left as it is.
+  // Leaves the first frame as it is, and the first one after a change of size.
   void smooth(const TemporalInput& input);
 
  private:
@@ -34,12 +35,12 @@ class TemporalFilter {
 
   FrameMatch match_;
   DisparityChange change_;
-  std::vector<float> former_;  // disparity of the frame before, as it came out
+  std::vector<float> former_;  // filtered disparity of the previous frame
   Size former_size_;
-  std::vector<float> moved_;     // the same where its surfaces are now
-  std::vector<float> gate_;      // how far the pictures agree there
-  std::vector<float> error_;     // to be expected of the frame's own
-  std::vector<float> variance_;  // of what came out
+  std::vector<float> moved_;     // `former_`, moved to where its surfaces are now
+  std::vector<float> gate_;      // how well the pictures agree at each cell, 0..1
+  std::vector<float> error_;     // expected error of the unfiltered disparity
+  std::vector<float> variance_;  // variance of the filtered disparity
   std::vector<float> moved_variance_;
 };
 

@@ -1,15 +1,15 @@
-// The constants of joint bilateral upsampling. A model's metadata names those it was trained through; these are the
-// defaults, and what a model without them was trained through.
+// The constants of joint bilateral upsampling. A model's metadata names the constants that the model was trained with. These
+// are the defaults, for models whose metadata names none.
 #pragma once
 
 namespace endosdk {
 
 struct Upsampling {
-  float unlike = 128.0f;         // sum of the differences of three channels, grey levels, from which colours are altogether unlike
-  float least_likeness = 1e-6f;  // of such colours: with nothing alike around, all count as they lie
+  float unlike = 128.0f;         // grey levels: colours whose three channels differ by this sum have the least likeness
+  float least_likeness = 1e-6f;  // not 0: if no cell looks alike, all cells count by their distance
 };
 
-// Along each axis, in pixels of the network's grid, how far away one counts for nothing.
+// Distance along each axis, in pixels of the network's output grid, from which on a pixel does not count.
 constexpr int upsampling_reach = 3;
 
 }  // namespace endosdk

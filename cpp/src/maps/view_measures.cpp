@@ -13,17 +13,17 @@ namespace {
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 constexpr int tile = tile_cells;
-constexpr float blown_out = 245.0f;    // grey level of a cell
-constexpr double flattest = 0.4;       // grey levels squared, beside a plane, that are no texture
-constexpr int least_tiles = 12;        // with texture, to say that a view is covered
-constexpr int rows_apart = 4;          // of those that tell sharpness
-constexpr int edge_cells = 4;          // from the edge of a field of view, which is sharp whatever the focus
-constexpr int most_passes = 24;        // of a mask 1 2 1, each a Gaussian of variance 1/2
+constexpr float blown_out = 245.0f;    // grey level from which a cell is overexposed
+constexpr double flattest = 0.4;       // grey levels squared about a fitted plane; up to it there is no texture
+constexpr int least_tiles = 12;        // tiles with texture that are needed to call a view covered
+constexpr int rows_apart = 4;          // distance of the rows that tell sharpness
+constexpr int edge_cells = 4;          // left out along the edge of a field of view, which is sharp whatever the focus
+constexpr int most_passes = 24;        // passes of the mask 1 2 1, each a Gaussian of variance 1/2
 constexpr int far = 4;                 // columns to each side
 
 enum Texture : uint8_t { none = 0, flat = 1, textured = 2 };
 
-// Share of white noise's variance that is left at a distance, after passes of 1 2 1 along the row.
+// Autocovariance of white noise at this distance, as a share of its variance, after `passes` of the mask 1 2 1 along the row.
 double left_of_noise(int passes, int distance) {
   const int n = 2 * passes;
   double share = 1.0;  // binomial(2 n, n + distance) / 4^n
@@ -32,13 +32,13 @@ double left_of_noise(int passes, int distance) {
   return share;
 }
 
-// Sums run down the columns first, so that the compiler adds whole rows.
+// Sums run down the columns first, so that the compiler can add whole rows.
 void add_light(const float* levels, int count, float* __restrict sums, int& bright) {
   for (int x = 0; x < count; ++x) sums[x] += levels[x];
   for (int x = 0; x < count; ++x) bright += levels[x] >= blown_out ? 1 : 0;
 }
 
-// Squares by which columns to either side differ, of those that have `far` columns to both.
+// Adds the squared differences between the columns on both sides, 1 and `far` columns away, where `far` columns exist on both.
 void add_steps(const float* row, int columns, float* __restrict fine, float* __restrict coarse) {
   for (int x = far; x < columns - far; ++x) {
     const float near = row[x + 1] - row[x - 1];
@@ -105,7 +105,7 @@ void ViewMeasures::find_tiles(const MatchedViews& views, int view) {
   }
 }
 
-// What one view shows lies beside it in the other one, so that the tiles beside must be flat as well.
+// A surface of one view lies further left or right in the other view, so the neighbouring tiles must be flat as well.
 double ViewMeasures::covered_of(int flat_view) const {
   const std::vector<uint8_t>& here = textures_[flat_view];
   const std::vector<uint8_t>& there = textures_[1 - flat_view];
@@ -141,7 +141,7 @@ void ViewMeasures::read_rows(const MatchedViews& views, int view) {
   }
 }
 
-// One pass of a mask 1 2 1 more.
+// One more pass of the mask 1 2 1.
 void ViewMeasures::blur_rows(const MatchedViews& views, int view) {
   std::vector<float>& blurred = sums_[view];
   float* row = rows_[view].values.data();
@@ -152,8 +152,8 @@ void ViewMeasures::blur_rows(const MatchedViews& views, int view) {
   }
 }
 
-// How much neighbours differ, as a share of how much columns farther apart do, in the rows of a view, which were blurred by
-// so many passes of 1 2 1. Noise is taken out.
+// How much neighbouring columns differ, divided by how much columns farther apart differ. The rows of the view were blurred by
+// `passes` of the mask 1 2 1. The share of noise is subtracted.
 double ViewMeasures::sharpness(const MatchedViews& views, int view, int passes) {
   std::vector<float>& sums = sums_[view];
   std::fill(sums.begin(), sums.end(), 0.0f);
