@@ -9,7 +9,7 @@ namespace endosdk::avx2 {
 namespace {
 
 constexpr int lanes = 8;
-constexpr int chunk = 128;  // pixels whose offsets are found ahead of their use
+constexpr int chunk = 128;  // pixels whose offsets are computed before they are used
 
 // Byte offsets of the upper left neighbours of 8 pixels.
 inline void find_offsets(const uint32_t* corner, __m256i stride, int channels, int32_t* offset) {
@@ -33,7 +33,7 @@ inline __m256i everywhere32(const uint8_t* from) {
   return _mm256_set1_epi32(value);
 }
 
-// 4 bytes from each of 8 places.
+// Collects 4 bytes from each of 8 places.
 inline __m256i collect8(const uint8_t* base, const int32_t* offset) {
   const __m256i a = _mm256_blend_epi32(everywhere32(base + offset[0]), everywhere32(base + offset[1]), 0x02);
   const __m256i b = _mm256_blend_epi32(everywhere32(base + offset[2]), everywhere32(base + offset[3]), 0x08);
@@ -48,7 +48,7 @@ inline __m256i pair_weights(__m256i fx) {
   return _mm256_add_epi8(_mm256_xor_si256(fx, even), _mm256_set1_epi16(0x0081));
 }
 
-// Interpolates between two rows that are in 1/128 grey levels, and rounds to grey levels about zero.
+// Interpolates between two rows in 1/128 grey levels, and rounds to whole grey levels, centred on zero.
 inline __m256i between_rows(__m256i upper, __m256i lower, __m256i fy_high) {
   const __m256i value = _mm256_add_epi16(upper, _mm256_mulhrs_epi16(_mm256_sub_epi16(lower, upper), fy_high));
   return _mm256_srai_epi16(_mm256_add_epi16(value, _mm256_set1_epi16(64)), 7);
@@ -59,17 +59,17 @@ inline __m256i halves(__m128i bytes) { return _mm256_broadcastsi128_si256(bytes)
 
 inline __m128i load16(const uint8_t* from) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from)); }
 
-// The bytes around 4 pixels, two pixels in each half, and where in its half each pixel's neighbours are: left and right
-// of each channel side by side.
+// The bytes around 4 pixels, two pixels in each half. `pairs` tells where in its half the neighbours of each pixel are: left
+// and right neighbour of each channel, side by side.
 struct Quad {
   __m256i upper;
   __m256i lower;
   __m256i pairs;
 };
 
-// Quads take pixels 0, 1, 4, 5 from where `offset` points, so that packing brings 8 pixels out in order.
+// A quad takes pixels 0, 1, 4, 5 from `offset` on, so that packing two quads gives 8 pixels in order.
 //
-// Each pixel has 8 bytes of its own. Broadcast loads and blends, because gather instructions are slow on many
+// Here each pixel has 8 bytes of its own. Broadcast loads and blends are used because gather instructions are slow on many
 // processors: the microcode that closes their data leak makes them several times slower than this.
 inline __m256i collect4(const uint8_t* base, const int32_t* offset) {
   const __m256i low = _mm256_blend_epi32(everywhere64(base + offset[0]), everywhere64(base + offset[1]), 0x0c);
@@ -82,7 +82,7 @@ inline Quad apart(const uint8_t* source, ptrdiff_t stride, const int32_t* offset
           halves(_mm_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 8, 11, 9, 12, 10, 13, -1, -1))};
 }
 
-// Two pixels share 16 bytes; `shift` is the distance between them in the bytes of the second.
+// Here two pixels share 16 bytes. `shift` holds their distance in bytes, at the places of the second pixel.
 inline __m256i collect2(const uint8_t* base, const int32_t* offset) {
   return _mm256_inserti128_si256(_mm256_castsi128_si256(load16(base + offset[0])), load16(base + offset[4]), 1);
 }
@@ -92,8 +92,8 @@ inline Quad together(const uint8_t* source, ptrdiff_t stride, const int32_t* off
   return {collect2(source, offset), collect2(source + stride, offset), _mm256_add_epi8(first, shift)};
 }
 
-// 4 pixels, each as 4 words: three channels and one unused. `all_x` and `high_y` pick the pixels' fractions out of
-// `fractions`: fx to all bytes of a pixel, fy to the upper byte of its words.
+// Interpolates 4 pixels, each as 4 words: three channels and one unused. `all_x` and `high_y` select each pixel's fractions
+// from `fractions`: fx for all bytes of a pixel, fy for the upper byte of its words.
 inline __m256i blend4(const Quad& quad, __m256i fractions, __m256i all_x, __m256i high_y) {
   const __m256i zero_level = _mm256_set1_epi8(-128);
   const __m256i weights = pair_weights(_mm256_shuffle_epi8(fractions, all_x));
@@ -106,7 +106,7 @@ inline __m256i blend4(const Quad& quad, __m256i fractions, __m256i all_x, __m256
 inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, const uint32_t* corner, const uint16_t* fraction,
                         const int32_t* offset, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
   const __m256i corners = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(corner));
-  // Mostly the pixels of a pair lie in one row, at most 3 apart: then one load serves both.
+  // Usually the two pixels of a pair lie in one row, at most 3 apart. Then one load is enough for both.
   const __m256i distance = _mm256_sub_epi32(_mm256_srli_epi64(corners, 32), corners);
   Quad front, back;
   if (_mm256_testz_si256(distance, _mm256_set1_epi64x(0xfffffffc))) {
@@ -129,7 +129,7 @@ inline void remap_rgb_8(const uint8_t* source, ptrdiff_t stride, const uint32_t*
   const __m256i words_front = blend4(front, f, front_x, front_y);
   const __m256i words_back = blend4(back, f, back_x, back_y);
   const __m256i pixels = _mm256_xor_si256(_mm256_packs_epi16(words_front, words_back), _mm256_set1_epi8(-128));
-  // 4 bytes a pixel, in order. Group the channels within halves, then bring each channel together.
+  // The pixels are in order, with 4 bytes each. Group the channels within the halves, then join each channel.
   const __m256i by_channel = halves(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
   const __m256i grouped = _mm256_shuffle_epi8(pixels, by_channel);
   const __m256i planes = _mm256_permutevar8x32_epi32(grouped, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
@@ -196,7 +196,8 @@ void remap_gray(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t
 void split_rgb(const uint8_t* source, int count, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
   constexpr int group = 16;
   if (count < group) return plain::split_rgb(source, count, c0, c1, c2);
-  // In three blocks of 16 bytes, channel 0 lies at 0, 3, .. 15; 2, 5, .. 14; 1, 4, .. 13, and the others one and two on.
+  // In three blocks of 16 bytes, channel 0 is at 0, 3, .. 15; 2, 5, .. 14; 1, 4, .. 13. The others follow one and two bytes
+  // later.
   const __m128i first0 = _mm_setr_epi8(0, 3, 6, 9, 12, 15, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1);
   const __m128i first1 = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, 2, 5, 8, 11, 14, -1, -1, -1, -1, -1);
   const __m128i first2 = _mm_setr_epi8(-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 1, 4, 7, 10, 13);

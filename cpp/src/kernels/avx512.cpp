@@ -8,7 +8,7 @@ namespace endosdk::avx512 {
 namespace {
 
 constexpr int lanes = 16;
-constexpr int chunk = 128;  // pixels whose offsets are found ahead of their use
+constexpr int chunk = 128;  // pixels whose offsets are computed before they are used
 
 // The same 16 bytes in each quarter.
 inline __m512i quarters(__m128i bytes) { return _mm512_broadcast_i32x4(bytes); }
@@ -24,7 +24,7 @@ inline void find_offsets(const uint32_t* corner, __m512i stride, int32_t* offset
   _mm512_storeu_si512(offset, _mm512_add_epi32(_mm512_mullo_epi32(y, stride), three_x));
 }
 
-// 16 bytes from each of 4 places: those of pixels 0, 4, 8, 12 from where `offset` points.
+// Collects 16 bytes from each of 4 places: pixels 0, 4, 8 and 12 from `offset` on.
 inline __m512i collect4(const uint8_t* base, const int32_t* offset) {
   const __m256i low = _mm256_inserti128_si256(_mm256_castsi128_si256(load16(base + offset[0])),
                                               load16(base + offset[4]), 1);
@@ -33,8 +33,8 @@ inline __m512i collect4(const uint8_t* base, const int32_t* offset) {
   return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
 }
 
-// 8 pixels, two in each quarter and each as 4 words (three channels and one unused), from 16 bytes that two pixels
-// share; see the AVX2 kernels.
+// Interpolates 8 pixels, two in each quarter, each as 4 words (three channels and one unused). Two pixels share 16 bytes; see
+// the AVX2 kernels.
 inline __m512i blend8(__m512i upper, __m512i lower, __m512i shift, __m512i fractions, __m128i all_x, __m128i high_y) {
   const __m512i first = quarters(_mm_setr_epi8(0, 3, 1, 4, 2, 5, -1, -1, 0, 3, 1, 4, 2, 5, -1, -1));
   const __m512i pairs = _mm512_add_epi8(first, shift);
@@ -48,7 +48,7 @@ inline __m512i blend8(__m512i upper, __m512i lower, __m512i shift, __m512i fract
   return _mm512_srai_epi16(_mm512_add_epi16(value, _mm512_set1_epi16(64)), 7);
 }
 
-// False, with nothing written, if a pair of pixels lies in two rows or too far apart.
+// Remaps 16 pixels. Returns false and writes nothing if the two pixels of a pair lie in different rows or too far apart.
 inline bool remap_rgb_16(const uint8_t* source, ptrdiff_t stride, const uint32_t* corner, const uint16_t* fraction,
                          const int32_t* offset, uint8_t* c0, uint8_t* c1, uint8_t* c2) {
   const __m512i corners = _mm512_loadu_si512(corner);
@@ -71,7 +71,7 @@ inline bool remap_rgb_16(const uint8_t* source, ptrdiff_t stride, const uint32_t
                               _mm_setr_epi8(4, 4, 4, 4, 4, 4, 4, 4, 6, 6, 6, 6, 6, 6, 6, 6),
                               _mm_setr_epi8(-1, 5, -1, 5, -1, 5, -1, 5, -1, 7, -1, 7, -1, 7, -1, 7));
   const __m512i pixels = _mm512_xor_si512(_mm512_packs_epi16(front, back), _mm512_set1_epi8(-128));
-  // 4 bytes a pixel, in order. Group the channels within quarters, then bring each channel together.
+  // The pixels are in order, with 4 bytes each. Group the channels within the quarters, then join each channel.
   const __m512i by_channel = quarters(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
   const __m512i grouped = _mm512_shuffle_epi8(pixels, by_channel);
   const __m512i channels = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
@@ -120,7 +120,7 @@ void stretch_row(const float* value, const float* step, const int32_t* index, co
   avx2::stretch_row(value, step, index + x, weight + x, count - x, out + x);
 }
 
-// Wider registers gain nothing for the kernels that wait for memory.
+// Wider registers do not speed up the kernels that wait for memory, so these use the AVX2 versions.
 void remap_gray(const uint8_t* source, ptrdiff_t stride, RemapSpan span, uint8_t* out) {
   avx2::remap_gray(source, stride, span, out);
 }

@@ -1,5 +1,5 @@
-// How well two views correlate where they were matched, compiled once per instruction set: plain loops that the compiler
-// vectorises. Sums are added in one order, so that every set rounds alike.
+// Correlation of two views where they were matched. The file is compiled once per instruction set: plain loops that the
+// compiler vectorises. Sums have a fixed order, so that every set rounds alike.
 #include "kernels/kernels.hpp"
 #include "kernels/sets.hpp"
 #include "kernels/sharpness.hpp"
@@ -10,25 +10,26 @@ namespace {
 constexpr int chunk = 128;
 constexpr float nothing = __builtin_nanf("");
 
-// Correlation at which the pictures contradict a match, and from which they support it. Wet tissue shines differently
-// in two views: windows of right matches correlate badly at times, those of wrong ones rather at random.
+// Correlation at which the pictures contradict a match, and correlation from which they fully support it. Wet tissue shines
+// differently in the two views. So windows of right matches sometimes correlate badly; windows of wrong matches correlate at
+// random.
 constexpr float contradicted = 0.0f;
 constexpr float supported = 0.4f;
 
-// Columns by which the disparity changes from one cell to the next but one: less is a surface, twice as much an edge,
-// where a network's answer lies between those of both sides.
+// Change of the disparity over two cells, in columns. Less than `smooth` is a surface. From `edge` on it is an edge, where a
+// network's answer lies between the disparities of both sides.
 constexpr float smooth = 1.5f;
 constexpr float edge = 3.0f * smooth;
 
-// By which the odds of an answer are multiplied, by the same change of the disparity. A network is off by much at edges. On an
-// even surface it is right far more often than the mean of its errors tells: of rendered and of real pixels there whose
-// confidence is 0.4 to 0.5, 57 to 98 % are.
+// The factor on the odds of an answer depends on the same change of the disparity. A network makes large errors at edges. On an
+// even surface it is right far more often than its mean error says: of rendered and real pixels there with a confidence of 0.4
+// to 0.5, 57 to 98 % are right.
 constexpr float even_odds = 4.7f;
 constexpr float odds_per_column = 2.8f;
 constexpr float least_odds = 0.55f;
 
-constexpr float least_variance = 0.3f;  // grey levels squared, beyond the noise: less tells nothing
-constexpr float least_weight = 0.25f * static_cast<float>(correlation_weights);  // of the cells of a window with a match
+constexpr float least_variance = 0.3f;  // grey levels squared, beyond the noise; less tells nothing
+constexpr float least_weight = 0.25f * static_cast<float>(correlation_weights);  // of the cells with a match in a window
 
 template <int unit>
 void add_blocks(const BrightnessRow& row, int given_unit, float* __restrict out) {
@@ -49,8 +50,8 @@ float clamped(float value, float low, float high) {
   return floor < high ? floor : high;
 }
 
-// One plane of a row, its weighted sum over the window along it; `values` begin a reach before the first cell. Sums of six of
-// sums of six have the weights 1 to 6 to 1.
+// Weighted sums of one plane over the window along a row. `values` begin correlation_reach cells before the first cell. The
+// weights 1 to 6 to 1 come from sums of six over sums of six.
 void sum_along(const float* values, int cells, float* __restrict out) {
   static_assert(correlation_window == 11);
   float threes[chunk + 8];
@@ -67,7 +68,7 @@ void sum_along(const float* values, int cells, float* __restrict out) {
   }
 }
 
-// The same place of the rows of a window, their weighted sum.
+// Weighted sums of one plane down the rows of the window.
 void sum_down(const float* const* rows, ptrdiff_t from, int count, float* __restrict out) {
   const float* window[correlation_window];
   for (int w = 0; w < correlation_window; ++w) window[w] = rows[w] + from;
@@ -84,13 +85,13 @@ void multiply(const float* a, const float* b, int count, float* __restrict out) 
   for (int i = 0; i < count; ++i) out[i] = a[i] * b[i];
 }
 
-// The left view, and the right one where it was matched; zero where it was not.
+// Reads the left view, and the right view at the match. Cells without a match give 0.
 void read_matches(const MatchRow& row, float* __restrict counts, float* __restrict left, float* __restrict right) {
   const int columns = row.columns;
   const float end = static_cast<float>(columns - 1);
   for (int i = 0; i < row.cells; ++i) {
     const float at = static_cast<float>(2 * i) - row.disparity[i];
-    const int inside = (at >= 0.0f) & (at <= end);  // what is no number is not
+    const int inside = (at >= 0.0f) & (at <= end);  // false for NaN
     const float position = inside ? at : 0.0f;
     int column = static_cast<int>(position);
     column = column < columns - 2 ? column : columns - 2;
@@ -103,7 +104,7 @@ void read_matches(const MatchRow& row, float* __restrict counts, float* __restri
   }
 }
 
-// From the sums over a window to its correlation, and what that leaves of the confidence.
+// Computes the correlation from the sums over a window, and the share of the confidence that it leaves.
 void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, float right_noise, int count,
                float* __restrict correlation, float* __restrict support) {
   const float flat = least_variance + (left_noise > right_noise ? left_noise : right_noise);
@@ -124,7 +125,8 @@ void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, f
   }
 }
 
-// Takes from the support what an edge of the disparity takes: rows above, of and below the cells, from one before them.
+// Lowers support and odds at edges of the disparity. `around` is the row above, the row of the cells and the row below, each
+// from one cell before them on.
 void take_edges(const float* const (&around)[3], int count, float* __restrict support, float* __restrict odds) {
   for (int i = 0; i < count; ++i) {
     const float centre = around[1][i + 1];
@@ -140,7 +142,7 @@ void take_edges(const float* const (&around)[3], int count, float* __restrict su
     const float spread = nearest - farthest;
     const float whole = clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
     const float sure = clamped(even_odds - odds_per_column * spread, least_odds, even_odds);
-    support[i] *= centre == centre ? whole : 1.0f;  // what is not compared has no edge
+    support[i] *= centre == centre ? whole : 1.0f;  // a cell that is not compared has no edge
     odds[i] = centre == centre ? sure : 1.0f;
   }
 }
@@ -209,7 +211,7 @@ void correlation_row(const CorrelationRow& row) {
 }
 
 void trust_row(const TrustRow& row) {
-  // The usual model needs no logarithms: they take as long as all the rest.
+  // With the usual reach of 1, no logarithms are needed. They take as long as everything else.
   row.reach == 1.0f ? trust_cells_within<true>(row, row.seen, row.own) : trust_cells_within<false>(row, row.seen, row.own);
 }
 

@@ -1,5 +1,5 @@
-// Depth, reasons and blending of rows, compiled once per instruction set: plain loops that the compiler vectorises.
-// Contraction to fused multiply-add is off for the whole build and nothing is reassociated, so that every set rounds alike.
+// Depth, reasons and blending of rows. The file is compiled once per instruction set: plain loops that the compiler vectorises.
+// In the whole build, the compiler may neither contract to fused multiply-add nor reassociate, so that every set rounds alike.
 #include <string.h>
 
 #include "maps/reasons.hpp"
@@ -11,18 +11,18 @@ namespace endosdk::ENDOSDK_ISA {
 namespace {
 
 constexpr int chunk = 128;
-constexpr int lead = 2 * chunk;  // how early memory is asked for
+constexpr int lead = 2 * chunk;  // pixels by which memory is prefetched
 constexpr float infinity = __builtin_inff();
 
-// What one chunk of a row needs between its loops. The second half of `cover` stays infinite: the scan looks there.
+// Scratch memory of one chunk of a row. The second half of `cover` stays infinite, because the scan reads it.
 struct Scratch {
   float match[chunk];      // column of the match in the right view; infinity where the disparity is not finite
-  float cover[2 * chunk];  // leftmost match of this pixel and those to its right
-  int32_t reasons[chunk];  // as wide as the numbers they are found from, until all are known
-  float unwanted[chunk];   // depth that nobody asked for
+  float cover[2 * chunk];  // leftmost match of this pixel and the pixels on its right
+  int32_t reasons[chunk];  // 32 bits wide, as the floats from which they are computed
+  float unwanted[chunk];   // depth, if the caller did not ask for it
 };
 
-// Where a match must lie to be seen, in columns: half a pixel around the valid ones.
+// Columns in which a match must lie to be visible: the valid columns and half a pixel around them.
 struct Overlap {
   float last;   // column of the right view
   float begin;  // for match + 0.5
@@ -33,10 +33,10 @@ float match_of(float disparity, int column) {
   return __builtin_fabsf(disparity) < infinity ? static_cast<float>(column) - disparity : infinity;
 }
 
-// Returns whether no match lies left of the one before, as on every smooth surface.
+// Computes the matches. Returns true if no match lies left of the match before, as on every smooth surface.
 bool find_matches(const float* disparity, int first, int count, float* match) {
   int rise = 1;
-  // The next match is computed twice: to read it from `match`, just written, would stall.
+  // Each match is computed twice: reading it back from `match` right after writing would stall.
   for (int i = 0; i + 1 < count; ++i) {
     match[i] = match_of(disparity[i], first + i);
     rise &= match_of(disparity[i + 1], first + i + 1) >= match[i];
@@ -46,10 +46,10 @@ bool find_matches(const float* disparity, int first, int count, float* match) {
   return rise != 0;
 }
 
-// For each match the leftmost one from it to the right.
+// For each pixel, finds the leftmost match of this pixel and the pixels on its right.
 const float* find_cover(Scratch& s) {
   memcpy(s.cover, s.match, chunk * sizeof(float));
-  // Each pass doubles how far to the right a minimum has looked.
+  // Each pass doubles the range over which a minimum is taken.
   for (int reach = 1; reach < chunk; reach *= 2) {
     for (int i = 0; i < chunk; ++i) {
       const float ahead = s.cover[i + reach];
@@ -59,9 +59,9 @@ const float* find_cover(Scratch& s) {
   return s.cover;
 }
 
-// Conditions below are combined with & and |, not && and ||: a loop without branches is one that can be vectorised.
+// The conditions below are combined with & and |, not && and ||, because only a loop without branches can be vectorised.
 
-// `covered_from` is the leftmost match of all chunks to the right.
+// `covered_from` is the leftmost match of all chunks on the right.
 void give_reasons(const float* disparity, const float* confidence, int count, const float* match, const float* cover,
                   float covered_from, const Overlap overlap, const DepthLimits limits, int32_t* __restrict reasons) {
   for (int i = 0; i < count; ++i) {
@@ -91,7 +91,7 @@ void add_left_reasons(const uint8_t* valid, int count, int32_t* reasons) {
   for (int i = 0; i < count; ++i) reasons[i] |= valid[i] ? 0 : ENDO_REASON_OUTSIDE_OVERLAP;
 }
 
-// For right views whose valid part has holes.
+// Adds reasons for right views whose valid part has holes.
 void add_right_reasons(const uint8_t* valid, int count, float last, Scratch& s) {
   for (int i = 0; i < count; ++i) {
     if (!(s.match[i] >= 0.0f && s.match[i] <= last)) continue;
@@ -119,7 +119,7 @@ void write_sigma(const int32_t* reasons, const float* confidence, const float* d
   }
 }
 
-// Returns how many pixels have none.
+// Writes the reasons. Returns the number of pixels without a reason.
 int write_reasons(const int32_t* __restrict reasons, int count, uint8_t* __restrict out) {
   int usable = 0;
   for (int i = 0; i < count; ++i) {
@@ -129,7 +129,7 @@ int write_reasons(const int32_t* __restrict reasons, int count, uint8_t* __restr
   return usable;
 }
 
-// The columns of a row's valid pixels, if these lie side by side; else the whole row, and `holes` is set.
+// The columns of the valid pixels of a row, if these lie side by side. Otherwise the whole row, and `holes` becomes true.
 Overlap overlap_of(const DepthRow& row, bool& holes) {
   const float width = static_cast<float>(row.width);
   const Overlap whole = {width - 1.0f, 0.0f, width};
@@ -144,8 +144,8 @@ Overlap overlap_of(const DepthRow& row, bool& holes) {
   return {width - 1.0f, static_cast<float>(begin - row.valid_right), static_cast<float>(end - row.valid_right)};
 }
 
-// Ask for the memory that a chunk will need: hardware does not foresee that rows are written backwards, chunk by chunk.
-// Always inline: GCC removes calls of functions that do no more than this.
+// Prefetches the memory of a later chunk: the hardware does not predict that rows are written backwards, chunk by chunk. The
+// function is always inline, because GCC removes calls of functions that only prefetch.
 [[gnu::always_inline]] inline void fetch(const DepthRow& row, int first) {
   constexpr int line = 64;  // bytes
   constexpr int floats = line / static_cast<int>(sizeof(float));
@@ -175,7 +175,7 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
   const Overlap overlap = overlap_of(row, right_has_holes);
   float covered_from = infinity;
   int usable = 0;
-  // From the right, because what covers a pixel lies to its right.
+  // Goes from right to left, because the pixels that cover a pixel lie on its right.
   for (int first = (row.width - 1) / chunk * chunk; first >= 0; first -= chunk) {
     const int count = row.width - first < chunk ? row.width - first : chunk;
     const float* disparity = row.disparity + first;

@@ -1,5 +1,5 @@
-// Sums of a robust fit, compiled once per instruction set. They are kept in lanes of their own, so that every set rounds
-// alike.
+// Sums of a robust fit. The file is compiled once per instruction set. Each sum has a fixed number of lanes, so that every set
+// rounds alike.
 #include <string.h>
 
 #include "kernels/kernels.hpp"
@@ -10,16 +10,16 @@ namespace {
 
 typedef double Doubles __attribute__((vector_size(fit_lanes / 2 * sizeof(double))));
 
-constexpr int chunk = 8 * fit_lanes;  // measurements: so few that they stay in the nearest cache
-constexpr int half = fit_lanes / 2;  // of the lanes: as many as most registers hold
+constexpr int chunk = 8 * fit_lanes;  // measurements at a time; they stay in the nearest cache
+constexpr int half = fit_lanes / 2;  // lanes; as many as most registers hold
 
-// The terms and the rest of some measurements, and the same times their weight.
+// The terms and the rest of a chunk of measurements, and the same values times their weight.
 struct Chunk {
   double values[fit_terms + 1][chunk];
   double weighted[fit_terms + 1][chunk];
 };
 
-// How much each measurement counts.
+// Computes how much each measurement counts.
 void weigh(const FitSums& fit, int first, int count, float* __restrict out) {
   const float* const weight = fit.weight + first;
   if (fit.robust == Robust::none) {
@@ -63,7 +63,8 @@ void read(const FitSums& fit, int first, int count, Chunk& out) {
   }
 }
 
-// The products of one term, or of the rest, with the terms up to it: so few sums at a time that each has a register.
+// Adds the products of one term, or of the rest, with the terms up to it. The sums at a time are so few that each has a
+// register.
 template <int term>
 void add_products(const Chunk& of, int count, Doubles (*sums)[2]) {
   constexpr int products = term < fit_terms ? term + 1 : fit_terms;

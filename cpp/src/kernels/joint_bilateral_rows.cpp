@@ -1,6 +1,6 @@
-// Joint bilateral upsampling, compiled once per instruction set: plain loops that the compiler vectorises. Cells are
-// taken in chunks whose sums stay in the first cache. Cells of the usual numbers of pixels have loops of their own,
-// because steps can be vectorised only where their length is known.
+// Joint bilateral upsampling. The file is compiled once per instruction set: plain loops that the compiler vectorises. Cells
+// are processed in chunks whose sums stay in the first cache. The usual cell sizes have their own loops, because the compiler
+// can vectorise steps only if it knows their length.
 #include "kernels/kernels.hpp"
 #include "kernels/sets.hpp"
 #include "kernels/sharpness.hpp"
@@ -11,7 +11,7 @@ namespace {
 constexpr int chunk = 64;
 constexpr int taps = joint_bilateral_taps;
 
-// How alike colours are judged.
+// How the likeness of colours is computed.
 struct Colours {
   float per_difference;
   float least;
@@ -22,7 +22,7 @@ struct Sums {
   float value[chunk];
 };
 
-// What one channel of a chunk's pixels is: every factor-th of the view's row.
+// Reads one channel of the pixels of a chunk: every factor-th pixel of the view's row.
 inline void read_pixels(const uint8_t* row, int factor, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] = static_cast<float>(row[i * factor]);
 }
@@ -42,7 +42,7 @@ inline void mean(const uint8_t* rows, ptrdiff_t stride, int factor, int count, f
   }
 }
 
-// Adds one row of cells; `share` holds how much each of the cells from the i-th on counts where it lies.
+// Adds one row of cells. Pixel i takes cells i to i + taps - 1; `share` holds their weights by distance.
 void add_cells(const float* __restrict red, const float* __restrict green, const float* __restrict blue,
                const float* __restrict trust, const float* __restrict trusted, const float* __restrict share,
                const float (&pixels)[3][chunk], Colours colours, int count, Sums& sums) {

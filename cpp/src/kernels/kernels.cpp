@@ -38,7 +38,7 @@ struct Choice {
   bool (*runs)();
 };
 
-// Best first.
+// The sets of this build, best first.
 constexpr Choice choices[] = {
 #ifdef ENDOSDK_X86_KERNELS
     {avx512::set, has_avx512},

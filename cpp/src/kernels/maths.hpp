@@ -1,5 +1,5 @@
-// Exponential and logarithm as every kernel set computes them: in the same steps, so that all sets round alike, and
-// without a branch, so that the compiler can put them into vectors.
+// Exponential and logarithm for all kernel sets. The steps are the same in every set, so that all sets round alike. There are
+// no branches, so that the compiler can use vectors.
 #pragma once
 
 #include <stdint.h>
@@ -19,13 +19,13 @@ static inline int32_t bits_of_float(float value) {
   return bits;
 }
 
-// Relative error below 3e-7 for -87 to 88; what lies beyond counts as these.
+// exp(x) with a relative error below 3e-7. Arguments are limited to -87 and 88.
 static inline float exp_of(float x) {
-  const float low = x > -87.0f ? x : -87.0f;  // also of what is no number
+  const float low = x > -87.0f ? x : -87.0f;  // NaN becomes -87
   const float within = low < 88.0f ? low : 88.0f;
-  constexpr float to_whole = 12582912.0f;  // 1.5 * 2^23: sums with it have no fraction
+  constexpr float to_whole = 12582912.0f;  // 1.5 * 2^23: adding it removes the fraction
   const float twos = (within * 1.44269504f + to_whole) - to_whole;
-  // ln 2 in two parts, the first with so few digits that its products with whole numbers are exact.
+  // ln 2 in two parts. The first part has so few digits that its products with whole numbers are exact.
   const float rest = (within - twos * 0.693359375f) + twos * 2.12194440e-4f;
   // Taylor's series, for |rest| < 0.35.
   float sum = 1.0f / 5040.0f;
@@ -39,7 +39,7 @@ static inline float exp_of(float x) {
   return sum * float_of_bits((static_cast<int32_t>(twos) + 127) * (1 << 23));
 }
 
-// Absolute error below 3e-7, or relative where that is larger. For positive normal numbers.
+// Natural logarithm of a positive normal number. The error is below 3e-7, absolute or relative, whichever is larger.
 static inline float log_of(float x) {
   const int32_t bits = bits_of_float(x);
   const float mantissa = float_of_bits((bits & 0x007fffff) | 0x3f800000);  // 1 to 2

@@ -1,5 +1,5 @@
-// Patches whose motion is followed, compiled once per instruction set. Sums are added in one order, so that every set rounds
-// alike.
+// Patches whose motion is followed. The file is compiled once per instruction set. Sums have a fixed order, so that every set
+// rounds alike.
 #include <string.h>
 
 #include "kernels/kernels.hpp"

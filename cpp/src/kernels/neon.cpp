@@ -10,7 +10,7 @@ namespace {
 
 constexpr int lanes = 8;
 
-// The bytes from the upper left neighbour on in the low half, those below them in the high half.
+// The low half holds the bytes from the upper left neighbour on, the high half the bytes below them.
 inline uint8x16_t both_rows(const uint8_t* upper, ptrdiff_t stride) {
   return vcombine_u8(vld1_u8(upper), vld1_u8(upper + stride));
 }
@@ -19,7 +19,8 @@ inline uint16x8_t words(uint8x16_t bytes) { return vreinterpretq_u16_u8(bytes); 
 inline uint32x4_t wide(uint16x8_t values) { return vreinterpretq_u32_u16(values); }
 inline uint8x16_t narrow(uint32x4_t values) { return vreinterpretq_u8_u32(values); }
 
-// From 8 bytes in both rows of 8 pixels to the first 6 bytes of them all: left and right neighbours of each channel.
+// Transposes 8 bytes in both rows of 8 pixels. `byte[i]` gets the i-th byte of all pixels; the first 6 bytes are the left and
+// right neighbours of each channel.
 inline void transpose(const uint8x16_t (&pixel)[lanes], uint8x16_t (&byte)[6]) {
   uint16x8_t pairs[lanes];
   for (int i = 0; i < lanes; i += 2) {
@@ -37,13 +38,14 @@ inline void transpose(const uint8x16_t (&pixel)[lanes], uint8x16_t (&byte)[6]) {
   for (int k = 0; k < 2; ++k) byte[k + 4] = narrow(vtrn2q_u32(fours[k], fours[k + 4]));
 }
 
-// A row between left and right neighbours, in 1/128 grey levels about zero. Sums wrap around on the way and fit at the end.
+// Interpolates along a row, between left and right neighbours, in 1/128 grey levels centred on zero. Intermediate sums may wrap
+// around, but the result fits.
 inline int16x8_t along_row(uint8x8_t left, uint8x8_t right, int16x8_t fx) {
   const int8x8_t centred = vreinterpret_s8_u8(veor_u8(left, vdup_n_u8(0x80)));
   return vmlaq_s16(vshll_n_s8(centred, 7), vreinterpretq_s16_u16(vsubl_u8(right, left)), fx);
 }
 
-// One channel of 8 pixels. `fy_high` is the fraction times 256.
+// Interpolates one channel of 8 pixels. `fy_high` is the fraction times 256.
 inline void blend(uint8x16_t left, uint8x16_t right, int16x8_t fx, int16x8_t fy_high, uint8_t* out) {
   const int16x8_t upper = along_row(vget_low_u8(left), vget_low_u8(right), fx);
   const int16x8_t lower = along_row(vget_high_u8(left), vget_high_u8(right), fx);

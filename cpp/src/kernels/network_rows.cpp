@@ -1,4 +1,4 @@
-// Rows of what networks compute beside their convolutions, compiled once per instruction set.
+// Rows of the computations of networks other than convolutions. The file is compiled once per instruction set.
 #include "kernels/kernels.hpp"
 #include "kernels/maths.hpp"
 #include "kernels/sets.hpp"
@@ -8,13 +8,13 @@ namespace {
 
 constexpr int grid = comparison_cell;
 constexpr int moment_planes = view_moments;
-constexpr int smaller_width = 64;  // groups of pixels that are made smaller together
-constexpr int choose_width = 64;  // cells whose pixels are chosen together
+constexpr int smaller_width = 64;  // groups of pixels at a time, in smaller_row
+constexpr int choose_width = 64;  // cells at a time, in choose_row
 
 float at_most(float value, float limit) { return value < limit ? value : limit; }
 float at_least(float value, float limit) { return value > limit ? value : limit; }
 
-// Values of cells, at every pixel between their middles; cells[-1] and cells[count] repeat the border.
+// Interpolates the values of cells to pixels. cells[-1] and cells[count] repeat the border.
 void stretch_cells(const float* cells, int count, float* __restrict pixels) {
   for (int i = 0; i < count; ++i) {
     const float before = cells[i - 1];
@@ -27,8 +27,8 @@ void stretch_cells(const float* cells, int count, float* __restrict pixels) {
   }
 }
 
-// What is averaged, added up over groups of `columns` pixels times `share`, and added to the means unless it is the `first`
-// row of them. These are nothing else's memory, see `solve_cells`.
+// Computes the values that are averaged. They are summed over groups of `columns` pixels and multiplied by `share`. The first
+// row writes the means, the other rows add to them. The outputs do not overlap, see `solve_cells`.
 template <int columns, bool first>
 void add_moments(const float* left, const float* moved, const float* slope, int count, float share,
                  float* __restrict slopes, float* __restrict differences, float* __restrict products,
@@ -51,7 +51,7 @@ void add_moments(const float* left, const float* moved, const float* slope, int 
   }
 }
 
-// Of the sum of both views; a pixel at the border has one neighbour. Rows are at least a cell wide.
+// Slope along the row, of the sum of both views. A pixel at the border has only one neighbour. Rows are at least one cell wide.
 void find_slope(const float* left, const float* moved, int width, float* __restrict slope) {
   const auto between = [&](int before, int after) {
     return ((left[after] + moved[after]) - (left[before] + moved[before])) * 0.25f;
@@ -61,7 +61,7 @@ void find_slope(const float* left, const float* moved, int width, float* __restr
   slope[width - 1] = between(width - 2, width - 1);
 }
 
-// Where a row of the right view is read, moved by the disparity: what it shows there.
+// Reads a row of the right view at positions moved by the disparity.
 void move_right(const CompareRow& row, const float* shift, float* __restrict moved) {
   const float last = static_cast<float>(row.width - 1);
   const float last_pair = static_cast<float>(row.width - 2);
@@ -74,7 +74,7 @@ void move_right(const CompareRow& row, const float* shift, float* __restrict mov
   }
 }
 
-// Adds up rows of values one after the other, three at a time, because most windows have three.
+// Adds up rows of values. The first three are added in one loop, because most windows have three.
 void add_up(const float* const* rows, int count, int length, float* __restrict out) {
   const float* const first = rows[0];
   if (count < 3) {
@@ -93,8 +93,8 @@ void add_up(const float* const* rows, int count, int length, float* __restrict o
   }
 }
 
-// The step within each window, of planes of means one after the other. It writes to arguments that are nothing else's
-// memory: for so many arrays the compiler does not find that out, and would take one cell at a time.
+// Computes the step of each window. `means` holds the planes of means one after the other. The outputs are __restrict: for so
+// many arrays, the compiler cannot test whether they overlap, and would take one cell at a time.
 void solve_cells(const SolveRow& row, const float* means, float* __restrict step, float* __restrict textures,
                  float* __restrict mismatches) {
   const float* const slope = means;
@@ -112,10 +112,10 @@ void solve_cells(const SolveRow& row, const float* means, float* __restrict step
   }
 }
 
-// Groups of three pixels, by colour and place in the group.
+// Groups of three pixels: [colour][place in the group][group].
 using Smaller = float[3][3][smaller_width];
 
-// One colour of groups: from four pixels of two rows each.
+// Computes one colour of groups of three pixels. Each group comes from four pixels of two rows.
 void mix_groups(const uint8_t* upper, const uint8_t* lower, float lower_share, int count, float (&out)[3][smaller_width]) {
   constexpr float small = 1.0f / 6.0f;  // three pixels lie 1/6, 3/2 and 17/6 pixels after the first of four
   constexpr float large = 5.0f / 6.0f;
@@ -132,8 +132,8 @@ void mix_groups(const uint8_t* upper, const uint8_t* lower, float lower_share, i
 
 float sigmoid(float x) { return 1.0f / (1.0f + exp_of(-x)); }
 
-// What is added to the left or the right pixel of cells, and to what. Apart from the maps, because a few arrays on the
-// stack are what the compiler can tell apart.
+// The disparity of the left or the right pixel of each cell, and the value to add to it. They are separate from the maps,
+// because the compiler knows that a few arrays on the stack do not overlap.
 struct Chosen {
   float before[choose_width];
   float added[choose_width];
@@ -199,7 +199,7 @@ void smaller_row(const SmallerRow& row) {
 
 void compare_row(const CompareRow& row) {
   const int cells = row.width / grid;
-  float* const mixed = row.scratch + 1;  // a cell more at both ends
+  float* const mixed = row.scratch + 1;  // one more cell at both ends
   float* const shift = mixed + cells + 1;
   float* const moved = shift + row.width;
   float* const slope = moved + row.width;
@@ -303,7 +303,7 @@ void soft_argmin_cells(const SoftArgminCells& cells) {
     const float gap = mean < dense ? 1.0f : sparse_gap;
     constexpr float far = 65536.0f;  // beyond all planes
     const float place = at_least(at_most((mean - dense) / gap, far), -far);
-    // The floor, by whole numbers, which hold places.
+    // Computes the floor with integers; they can hold all places.
     const auto whole = static_cast<float>(static_cast<int32_t>(place));
     const float fraction = place - (whole - (whole > place ? 1.0f : 0.0f));
     const float excess = second[x] / total[x] - mean * mean - fraction * (1.0f - fraction) * gap * gap;

@@ -1,4 +1,4 @@
-// What kernels compute for the functions of model files (functions/function.hpp), one row or less at a time.
+// Work for the kernels behind the functions of model files (functions/function.hpp), one row or less at a time.
 #pragma once
 
 #include <cstddef>
@@ -6,71 +6,73 @@
 
 namespace endosdk {
 
-// Pixels along a side of the cells on whose grid networks compare two views.
+// Pixels along a side of a cell. Networks compare two views on the grid of these cells.
 constexpr int comparison_cell = 4;
 
-// One row of a view at three quarters of its width and height, colours side by side, and what it adds to brightness.
+// One row of a view reduced to three quarters of its width and height, with the colours side by side. It also adds its part to
+// a row of brightness.
 struct SmallerRow {
-  const uint8_t* upper[3];  // of the two rows of the view around it
-  const uint8_t* lower[3];
+  const uint8_t* upper[3];  // the row of the view above it, per channel
+  const uint8_t* lower[3];  // the row of the view below it
   float lower_share;
-  int groups;     // of four pixels of the view, which become three
+  int groups;     // groups of four pixels of the view; each becomes three pixels
   float* pixels;  // 9 * groups values
-  float share;    // of a value in brightness
-  bool first;     // of the rows whose brightness is one
+  float share;    // weight of a value in the brightness
+  bool first;     // the first row of a row of brightness; the other rows add to it
   float* bright;  // 3 * groups values
 };
 
-// What is averaged where two views are compared: the slope along the row, the difference of the views, their product, and
-// the squares of both.
+// Number of values that are averaged when two views are compared: the slope along the row, the difference of the views, the
+// product of these two, and their squares.
 constexpr int view_moments = 5;
 
-// One row of brightness of both views, compared at the disparity of the cells around it.
+// One row of brightness of both views. They are compared at a disparity that is interpolated between the cells around.
 struct CompareRow {
   const float* left;
   const float* right;
   int width;           // a multiple of comparison_cell
-  const float* upper;  // disparity of the rows of cells around, px
-  const float* lower;
+  const float* upper;  // disparity of the row of cells above, px
+  const float* lower;  // and of the row below
   float lower_share;
-  int columns;  // averaged into one: 2 or 4
-  float share;  // of each value in its mean
-  bool first;   // of the rows averaged into one; others add to what there is
+  int columns;  // number of columns that are averaged into one: 2 or 4
+  float share;  // weight of each value in its mean
+  bool first;   // the first of the rows that are averaged into one; the other rows add to its means
   float* scratch;
   float* means[view_moments];  // width / columns values each
 
   static int scratch_values(int width) { return 3 * width + width / comparison_cell + 2; }
 };
 
-// The side of the largest window, cells.
+// Side of the largest window, cells.
 constexpr int solve_window = 7;
 
-// What windows of means say: the step of Lucas and Kanade, and how unlike the values within them are.
+// Solves windows of means. Results are the Lucas-Kanade step, and the variances of the slope and of the difference in the
+// window.
 struct SolveRow {
-  const float* rows[solve_window];  // the first plane of each row of the window that lies inside the picture
+  const float* rows[solve_window];  // first plane of each row of the window that lies inside the picture
   ptrdiff_t plane_stride;
-  int count;  // of rows
+  int count;  // number of these rows
   int cells;
-  int reach;           // cells of the window to each side
-  const float* share;  // of a cell in the mean over its window, for each window
+  int reach;           // cells of the window on each side of its centre
+  const float* share;  // weight of a cell in the mean over the window, for each window
   float damping;
   float quiet;
   float log_share;
   float largest_step;  // px
   float* scratch;
   float* step;
-  float* texture;   // logarithms of variances, times log_share
-  float* mismatch;
+  float* texture;   // log_share times the logarithm of the variance of the slope
+  float* mismatch;  // log_share times the logarithm of the variance of the difference
 
   static int scratch_values(int cells, int reach) { return view_moments * (2 * cells + 2 * reach); }
 };
 
-// Cells to each side of a square.
+// Cells on each side of the centre of a square.
 constexpr int extreme_reach = 2;
 
-// The largest and the smallest value of the square around each cell of a row.
+// Finds the largest and the smallest value in the square around each cell of a row.
 struct ExtremesRow {
-  const float* rows[2 * extreme_reach + 1];  // of the square that lie inside the map
+  const float* rows[2 * extreme_reach + 1];  // rows of the square that lie inside the map
   int count;
   int cells;
   float* scratch;
@@ -80,28 +82,28 @@ struct ExtremesRow {
   static int scratch_values(int cells) { return 2 * (cells + 2 * extreme_reach); }
 };
 
-// Cells whose planes are searched together.
+// Number of cells that are computed together.
 constexpr int soft_argmin_width = 32;
 
-// The mean of the planes around the likeliest one, weighted by exp(-cost), and the variance of all of them beyond what
-// lies between two planes.
+// Soft-argmin. It gives the mean of the planes around the most likely one, weighted by exp(-cost). It also gives the variance
+// of all planes, less the variance of a value between two planes.
 struct SoftArgminCells {
   const float* cost;   // planes rows of soft_argmin_width values
-  const float* index;  // of each plane among all, from far to near
-  const float* value;  // its disparity, cells
+  const float* index;  // place of each plane among all planes, from far to near
+  const float* value;  // disparity of each plane, cells
   int planes;
-  float reach;  // planes
-  float dense;  // cells; from there on planes are `gap` apart
+  float reach;  // planes; farther from the most likely one they do not count in the mean
+  float dense;  // cells; from this disparity on, planes are `gap` apart
   float gap;
   float* mean;  // cells
   float* excess;
 };
 
-// One row of an answer on a grid of twice the size, of what a refinement gave for a row of cells: of each two pixels of a
-// cell the left one, then the right one.
+// One row of the answer, on a grid of twice the size, from a refinement's outputs for a row of cells. In arrays of two, the
+// first element is for the left pixel of each cell, the second for the right pixel.
 struct ChooseRow {
   const float* disparity;  // of the cells, px
-  const float* beside;     // of the cells above or below, whichever the row is nearer to
+  const float* beside;     // of the cells above or below, whichever are nearer to the row
   const float* correction[2];
   const float* belief[2];  // logits
   const float* to_near[2];
@@ -110,7 +112,7 @@ struct ChooseRow {
   const float* near;
   const float* far;
   int cells;
-  float* mixed;   // cells values of scratch memory, with one more at both ends
+  float* mixed;   // `cells` values of scratch memory, with one more at both ends
   float* answer;  // 2 * cells values each
   float* change;
   float* rough;

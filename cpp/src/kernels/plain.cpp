@@ -1,4 +1,4 @@
-// Kernels without vector instructions: the definition that the others must match bit for bit.
+// Kernels without vector instructions. They are the reference that the other sets must match bit for bit.
 #include "kernels/kernels.hpp"
 #include "kernels/sample.hpp"
 #include "kernels/sets.hpp"

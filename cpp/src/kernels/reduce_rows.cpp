@@ -1,5 +1,5 @@
-// Means over blocks of pixels, compiled once per instruction set: plain loops that the compiler vectorises. They work on
-// all values of a row, wanted or not; the last one picks.
+// Means over blocks of pixels. The file is compiled once per instruction set: plain loops that the compiler vectorises. All
+// loops but the last work on every value of a row, wanted or not. The last loop picks the wanted values.
 #include <string.h>
 
 #include "kernels/kernels.hpp"
@@ -26,8 +26,8 @@ void add_rows(const uint8_t* source, ptrdiff_t stride, int count, int length, ui
   }
 }
 
-// Rounds half up. Sums stay below 2^16 and counts are at most 256, so the quarter is enough to keep the product of an
-// exact multiple from falling below it, and too little to lift any other sum.
+// Divides and rounds half up. Sums are below 2^16 and counts are at most 256. So the quarter is enough that the product for an
+// exact multiple does not fall below it, and too small to lift any other sum.
 void divide(const uint16_t* __restrict sums, int count, int length, uint8_t* __restrict out) {
   const float offset = static_cast<float>(count / 2) + 0.25f;
   const float share = 1.0f / static_cast<float>(count);

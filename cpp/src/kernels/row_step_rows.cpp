@@ -1,16 +1,16 @@
-// Sums for a Lucas-Kanade step between two views at the matches found, compiled once per instruction set: plain loops that
-// the compiler vectorises.
+// Sums for a Lucas-Kanade step between two views at the matches found. The file is compiled once per instruction set: plain
+// loops that the compiler vectorises.
 #include "kernels/kernels.hpp"
 #include "kernels/sets.hpp"
 
 namespace endosdk::ENDOSDK_ISA {
 namespace {
 
-// Grey levels between which brightness follows the surface: below is no light, above is glare.
+// Brightness follows the surface only between these grey levels: below there is no light, above there is glare.
 constexpr float darkest = 6.0f;
 constexpr float brightest = 245.0f;
 
-// Cells at a time.
+// Number of cells at a time.
 constexpr int chunk = 128;
 
 void add_products(const float* a, const float* b, int count, float* __restrict out) {
@@ -21,7 +21,7 @@ void add(const float* values, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) out[i] += values[i];
 }
 
-// One step of each window, whose values are taken about their mean over all its cells.
+// Computes one step for each window. The values are taken relative to their mean over the window.
 void solve(const float (&s)[row_step_sums][chunk], const RowWindows& windows, int count, float* __restrict step, float* __restrict weight) {
   constexpr float cells = row_window_cells;
   constexpr float share = 1.0f / cells;
@@ -64,7 +64,7 @@ void row_step_row(const RowStepRow& row) {
     for (int i = 0; i < count; ++i) {
       const float at = static_cast<float>(2 * (first + i)) - disparity[i];
       const float lower = place + offset[i];
-      const int inside = (at >= 0.0f) & (at <= end) & (lower >= 0.0f) & (lower <= bottom);  // what is no number is not
+      const int inside = (at >= 0.0f) & (at <= end) & (lower >= 0.0f) & (lower <= bottom);  // false for NaN
       const float x = inside ? at : 0.0f;
       const float y = inside ? lower : 0.0f;
       int column = static_cast<int>(x);

@@ -1,4 +1,4 @@
-// What a confidence says of the expected error.
+// The relation between a confidence and the expected error.
 #pragma once
 
 #include <stdint.h>
@@ -6,8 +6,8 @@
 
 namespace endosdk {
 
-// -log(1 - c) for c in [1e-6, 1 - 1e-6], within 4e-7 relative. What rounding of 1 - c loses is added back, because
-// it is most of the answer where c is small.
+// -log(1 - c) for c in [1e-6, 1 - 1e-6], with a relative error below 4e-7. The rounding error of 1 - c is added back, because
+// for small c it is most of the result.
 static inline float negative_log1m(float c) {
   const float rest = 1.0f - c;
   const float lost = (1.0f - rest) - c;
@@ -31,27 +31,27 @@ static inline float negative_log1m(float c) {
   return -(static_cast<float>(exponent) * ln2 + (log_mantissa + lost));
 }
 
-// 1 - exp(-t) for t >= 0, within 2e-7.
+// 1 - exp(-t) for t >= 0, with an error below 2e-7.
 static inline float one_minus_exp(float t) {
   const float x = -1.44269504f * (t < 80.0f ? t : 80.0f);
   const float whole = static_cast<float>(static_cast<int32_t>(x - 0.5f));
-  const float f = (x - whole) * 0.69314718f;  // within half of ln 2 of 0
-  // Taylor: the seventh power is below 1e-7 there.
+  const float f = (x - whole) * 0.69314718f;  // at most half of ln 2 from 0
+  // Taylor's series: in this range the term of the seventh power is below 1e-7.
   float p = 1.0f / 720.0f;
   p = p * f + 1.0f / 120.0f;
   p = p * f + 1.0f / 24.0f;
   p = p * f + 1.0f / 6.0f;
   p = p * f + 0.5f;
   p = p * f + 1.0f;
-  const float rest = p * f;  // exp(f) - 1: of small t, all there is
+  const float rest = p * f;  // exp(f) - 1; for small t it is the whole result
   const int32_t bits = (static_cast<int32_t>(whole) + 127) << 23;
   float power;
   memcpy(&power, &bits, sizeof(power));
   return (1.0f - power) - power * rest;
 }
 
-// The probability of an error up to `reach` units of a Laplace law whose probability of an error up to one unit is
-// `confidence`: 1 - (1 - confidence)^reach. What is no number stays none.
+// Probability of an error up to `reach` units, in the Laplace law in which an error up to one unit has the probability
+// `confidence`: 1 - (1 - confidence)^reach. NaN stays NaN.
 static inline float confidence_within(float confidence, float reach) {
   constexpr float most = 1.0f - 1.0f / (1 << 24);
   const float c = confidence > 0.0f ? (confidence < most ? confidence : most) : 0.0f;
@@ -59,8 +59,8 @@ static inline float confidence_within(float confidence, float reach) {
   return confidence == confidence ? within : confidence;
 }
 
-// One over the scale, in units, of the Laplace law whose probability of an error up to one of them is the confidence.
-// What is no number counts as no confidence.
+// 1 / scale, in units, of the Laplace law in which an error up to one unit has the probability `confidence`. NaN counts as the
+// least confidence.
 static inline float sharpness(float confidence) {
   constexpr float least = 1e-6f;
   constexpr float most = 1.0f - 1e-6f;

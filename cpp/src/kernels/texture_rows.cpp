@@ -1,5 +1,5 @@
-// What tells noise from texture in one view, compiled once per instruction set. Sums are added in one order, so that every
-// set rounds alike.
+// Measures that separate noise from texture in one view. The file is compiled once per instruction set. Sums have a fixed
+// order, so that every set rounds alike.
 #include <string.h>
 
 #include "kernels/kernels.hpp"
@@ -36,7 +36,7 @@ void noise_row(const uint8_t* above, const uint8_t* here, const uint8_t* below, 
 
 void tile_row(const TileRow& row) {
   constexpr float count = tile_cells * tile_cells;
-  constexpr float spread = (tile_cells * tile_cells - 1) / 12.0f;  // variance of a place along one axis
+  constexpr float spread = (tile_cells * tile_cells - 1) / 12.0f;  // variance of the positions along one axis
   constexpr float middle = 0.5f * (tile_cells - 1);
   Floats place;
   for (int x = 0; x < tile_cells; ++x) place[x] = static_cast<float>(x) - middle;

@@ -1,5 +1,5 @@
-// What this x86 processor and its operating system can run. Compilers have a built-in question for that, but not all of them
-// answer it: Zig's says no to everything, and the kernels would be the plain ones.
+// Finds out which instruction sets this x86 processor and its operating system can run. Compilers have a built-in function for
+// this, but not all of them support it: Zig's always answers no, so the plain kernels would be used.
 #pragma once
 
 #include <cpuid.h>
@@ -8,7 +8,7 @@
 
 namespace endosdk {
 
-// Whether the system keeps these parts of the registers when it switches threads: bits of XCR0.
+// Whether the system saves these parts of the registers when it switches threads; `parts` are bits of XCR0.
 inline bool system_keeps(uint32_t parts) {
   constexpr uint32_t osxsave = 1u << 27;
   uint32_t a = 0, b = 0, c = 0, d = 0;
@@ -18,7 +18,7 @@ inline bool system_keeps(uint32_t parts) {
   return (low & parts) == parts;
 }
 
-// Leaf 7 of CPUID, EBX.
+// Tests feature bits of CPUID leaf 7, EBX.
 inline bool has_features(uint32_t bits) {
   uint32_t a = 0, b = 0, c = 0, d = 0;
   return __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (b & bits) == bits;
@@ -29,7 +29,7 @@ inline bool has_avx2() {
   return system_keeps(ymm) && has_features(1u << 5);
 }
 
-// Foundation, DQ, BW and VL.
+// AVX-512 with the parts F (foundation), DQ, BW and VL.
 inline bool has_avx512() {
   constexpr uint32_t zmm = 0xe6;
   return has_avx2() && system_keeps(zmm) && has_features(1u << 16 | 1u << 17 | 1u << 30 | 1u << 31);
