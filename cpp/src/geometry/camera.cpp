@@ -107,7 +107,7 @@ Point unproject(const Camera& camera, Point pixel) {
 }
 
 double fold_radius(const Camera& camera) {
-  // A scan in steps of a thousandth is far finer than a pixel of any camera this is built for.
+  // The scan takes steps of a thousandth or less, which are far finer than a pixel of any supported camera.
   const bool fisheye = camera.model == CameraModel::fisheye;
   const double limit = fisheye ? half_pi : 10.0;
   constexpr int steps = 10000;

@@ -1,4 +1,4 @@
-// One camera of a rig: its projection, the inverse, and where a rectified pixel comes from.
+// One camera of a rig: its lens model, projection and the inverse.
 #pragma once
 
 #include <array>
@@ -14,8 +14,8 @@ struct Point {
   double y = 0.0;
 };
 
-// Intrinsics in pixels and distortion in OpenCV's order: pinhole k1 k2 p1 p2 k3 k4 k5 k6, fisheye k1 k2 k3 k4;
-// coefficients that a calibration leaves out are zero.
+// Intrinsics in pixels, and distortion in OpenCV's order: pinhole k1 k2 p1 p2 k3 k4 k5 k6, fisheye k1 k2 k3 k4. Coefficients
+// that a calibration does not have are zero.
 struct Camera {
   CameraModel model = CameraModel::pinhole;
   double fx = 1.0;
@@ -25,17 +25,17 @@ struct Camera {
   std::array<double, 8> distortion{};
 };
 
-// Focal lengths positive, everything finite.
+// Throws unless the focal lengths are positive and all numbers are finite.
 void check_camera(const Camera& camera, const char* name);
 
-// Where the ray through (x, y, 1) meets the raw image, in pixels.
+// The pixel of the raw image at which the ray through (x, y, 1) arrives.
 Point project(const Camera& camera, Point normalised);
 
-// The ray of a raw pixel, by the same number of iterations as OpenCV makes, so that rectification agrees with it.
+// The ray of a raw pixel. It takes the same number of iterations as OpenCV, so that rectification agrees with OpenCV.
 Point unproject(const Camera& camera, Point pixel);
 
-// The largest radius, on the plane at unit distance, up to which the lens model keeps the order of points. Beyond it
-// the polynomial folds back and shows parts of the image again; infinity when it never does.
+// The largest radius, on the plane at unit distance, up to which the lens model is one-to-one. Beyond it the polynomial folds
+// back and shows parts of the image again. Infinity if it never folds back.
 double fold_radius(const Camera& camera);
 
 }  // namespace endosdk

@@ -64,7 +64,7 @@ Mat3 nearest_rotation(const Mat3& a) {
 
 namespace {
 
-// A half turn has no antisymmetric part; its axis is in R = 2 a a^T - 1.
+// The matrix of a half turn has no antisymmetric part. Its axis a follows from R = 2 a a^T - 1.
 Vec3 half_turn(const Mat3& r) {
   constexpr double pi = 3.14159265358979323846;
   int largest = 0;

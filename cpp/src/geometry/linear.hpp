@@ -1,4 +1,4 @@
-// The little linear algebra that rigs need: small square matrices, row major, in double precision.
+// The linear algebra that rigs need: small square matrices, row major, in double precision.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@ namespace endosdk {
 using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<double, 9>;
 
-// Side of a square matrix of so many numbers.
+// Side of a square matrix with `size` numbers.
 constexpr size_t side_of(size_t size) {
   size_t side = 0;
   while (side * side < size) ++side;
@@ -38,10 +38,10 @@ std::array<double, side_of(size)> multiply(const std::array<double, size>& a, co
   return product;
 }
 
-// Turns the n x n matrix `a` into the unit matrix and the unit matrix in `b` into its inverse.
+// Gaussian elimination: turns the n x n matrix `a` into the unit matrix, and the unit matrix in `b` into the inverse of `a`.
 void eliminate(double* a, double* b, size_t n);
 
-// The determinant must not be zero; callers check it where a user could have caused it.
+// The determinant must not be zero. Callers check it if the matrix comes from a user.
 template <size_t size>
 std::array<double, size> inverse(std::array<double, size> a) {
   constexpr size_t n = side_of(size);

@@ -1,4 +1,4 @@
-// The median that the robust estimates of this library take.
+// The median, for the robust estimates of this library.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,8 @@
 
 namespace endosdk {
 
-// The upper one of an even number; the values are put in another order. There must be at least one.
+// The median; for an even number of values, the upper of the two. It changes the order of the values. There must be at least
+// one.
 inline float median(std::vector<float>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());

@@ -9,24 +9,24 @@
 namespace endosdk {
 namespace {
 
-// What is known without pictures, radians: cameras turn by degrees at most, and a baseline keeps its direction to half a
-// degree, since it takes a bent shaft to change it.
+// Prior knowledge, radians: cameras rotate by a few degrees at most. A baseline keeps its direction to half a degree, because
+// only a bent shaft changes it.
 constexpr double turn_prior = 0.1;
 constexpr double baseline_prior = 0.01;
 
 constexpr int least_measurements = 100;
 constexpr int least_blocks = 6;
-constexpr int rounds = 3;            // of reweighting
-constexpr size_t most_sorted = 512;  // values that the scatter is taken from
+constexpr int rounds = 3;            // rounds of reweighting
+constexpr size_t most_sorted = 512;  // values from which the scatter is computed
 constexpr double least_scatter = 0.02;  // px
-constexpr double normal_law = 1.4826;   // standard deviations per median of the size
+constexpr double normal_law = 1.4826;   // standard deviation per median of the absolute values
 constexpr double huber = 1.345;         // standard deviations; the usual choices
 constexpr double tukey = 4.685;
 
-// What the blocks of one picture cannot tell, since the whole picture has it in common: measured on rendered pairs of known
-// rotation, see tests/core/test_pose_error.py.
+// Errors that the whole picture has in common, so that its blocks cannot show them. They were measured on rendered pairs with
+// known rotation, see tests/core/test_pose_error.py.
 constexpr PoseVector common_factor = {1.1, 2.0, 1.5, 2.0, 2.0};
-constexpr double common_share = 0.03;  // of the value itself
+constexpr double common_share = 0.03;  // share of the value itself
 constexpr double common_floor = 1e-4;  // radians
 
 PoseVector priors(const PoseVector& value) {
@@ -85,7 +85,8 @@ float PoseMeasurements::left_over(size_t i, const PoseVector& step) const {
   return rest;
 }
 
-// Which of many measurements the scatter is taken from: every so many. Once a fit, whose rounds share them.
+// Chooses the measurements from which the scatter is computed, at regular distances. It runs once per fit; all rounds use the
+// same measurements.
 void PoseMeasurements::choose(size_t measured) {
   const size_t every = measured / most_sorted + 1;
   chosen_.clear();
@@ -98,7 +99,7 @@ void PoseMeasurements::choose(size_t measured) {
   }
 }
 
-// Robust standard deviation of what a step leaves.
+// Robust standard deviation of the residuals after a step.
 double PoseMeasurements::scatter(const PoseVector& step) {
   sorted_.clear();
   for (const size_t i : chosen_) sorted_.push_back(std::abs(left_over(i, step)));

@@ -6,16 +6,16 @@
 namespace endosdk {
 namespace {
 
-// Frames that follow each other show the same tissue: this many tell as much as one.
+// Consecutive frames show the same tissue, so this many of them tell as much as one independent frame.
 constexpr double alike_frames = 4.0;
 constexpr double fading = 1.0 - 1.0 / 300.0;  // per frame
 
-constexpr double usual_surprise = 3.0;  // standard errors; a frame that is further off counts less
+constexpr double usual_surprise = 3.0;  // standard errors; a frame that is farther from the filtered value counts less
 constexpr double harmless = 0.0017;     // radians, a tenth of a degree
 constexpr double least_correction = 0.0005;
 constexpr double longest_correction = 0.0017;
 
-// Standard errors between a frame's turns and the filtered ones.
+// Distance between a frame's rotations and the filtered ones, in standard errors.
 double surprise(const PoseError& error, const PoseVector& value, const PoseError& before) {
   double most = 0.0;
   for (size_t i = 0; i < 3; ++i) {

@@ -1,4 +1,4 @@
-// The pose error of a rig over a sequence of frames: each counts as much as it is sure of itself, older ones fade.
+// The pose error of a rig over a sequence of frames. Each frame counts by its own certainty, and older frames fade.
 #pragma once
 
 #include <optional>
@@ -9,13 +9,14 @@ namespace endosdk {
 
 class PoseFilter {
  public:
-  // `corrected`: what the rectification of that frame already made up for. Frames without a measurement change nothing.
+  // Adds a frame. `corrected` is the part of the error that its rectification already corrected. A frame without a measurement
+  // changes nothing.
   void add(const PoseError& error, const PoseVector& corrected);
 
-  // Against the calibration, without corrections; not measured before the first frame.
+  // The pose error against the calibration, without corrections. It is not measured before the first frame.
   const PoseError& value() const { return value_; }
 
-  // Measured frames since the start.
+  // Number of measured frames since the start.
   int frames() const { return frames_; }
 
  private:
@@ -25,11 +26,10 @@ class PoseFilter {
   int frames_ = 0;
 };
 
-// A rig has drifted when it turned for certain, and by more than what does not matter.
+// A rig has drifted if it certainly rotated, and by more than a harmless angle.
 bool has_drifted(const PoseError& steady);
 
-// The next correction of a rectification, at most a tenth of a degree from the one before; none where there is nothing to
-// gain for certain.
+// The next correction of the rectification, at most a tenth of a degree from the one before. None if no improvement is certain.
 std::optional<PoseVector> next_correction(const PoseVector& before, const PoseError& steady);
 
 }  // namespace endosdk

@@ -12,7 +12,8 @@
 namespace endosdk {
 namespace {
 
-// Two cameras closer to parallel than this differ by less than 0.002 px at 2000 px from the principal point.
+// If two cameras are parallel within this tolerance, their rows differ by less than 0.002 px at 2000 px from the principal
+// point.
 constexpr double rectified_tolerance = 1e-6;
 
 Camera camera(const endo_calibration& rig, bool second) {
@@ -86,7 +87,7 @@ RectifiedGeometry rectified_geometry(const endo_calibration& rig, bool is_rectif
   return result;
 }
 
-// Pixel centres are whole numbers, hence the half pixel: c' = (c + 0.5) k - 0.5.
+// Scales the first two rows of a projection. Pixel centres are whole numbers, so half a pixel is added: c' = (c + 0.5) k - 0.5.
 Mat34 scale_rows(Mat34 projection, double x, double y) {
   for (size_t i = 0; i < 4; ++i) {
     projection[i] *= x;
@@ -98,7 +99,7 @@ Mat34 scale_rows(Mat34 projection, double x, double y) {
 }
 
 endo_calibration identity_numbers(Size size) {
-  // Any focal length and baseline do: only the change of size is used.
+  // The focal length and the baseline do not matter: only the change of size is used.
   const double focal = std::max(size.width, size.height);
   endo_calibration rig{};
   rig.struct_size = sizeof rig;

@@ -1,4 +1,5 @@
-// The rig that a vendor describes in numbers: checks, rectified geometry, and the hash that results are traced by.
+// A rig, given by its calibration numbers: their checks, the rectified geometry, and the hash that identifies the rig in
+// results.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -31,20 +32,20 @@ class Rig {
  public:
   explicit Rig(const endo_calibration& numbers);
 
-  // A rig of rectified frames, for when only their size shall change.
+  // A rig of rectified frames, for use when only the size of the frames changes.
   static Rig identity(Size size);
 
   Size size() const { return {numbers_.width, numbers_.height}; }
   bool is_rectified() const { return is_rectified_; }
   const RectifiedGeometry& geometry() const { return geometry_; }
 
-  // The same with another alpha than 0, which the frame path takes; a rectified rig has one geometry only.
+  // The geometry for another alpha than the 0 of the frame path. A rectified rig has only one geometry.
   RectifiedGeometry geometry(double alpha) const;
 
-  // Where the optics of a view fill the raw frame: middle x, y and half axes x, y, px; null where it is not stated.
+  // The field of view in the raw frame: centre x, y and half axes x, y, px. Null if it is not stated.
   const double* field_of_view(bool right) const;
 
-  // One camera, and what its view is turned into.
+  // One camera, and the geometry of its rectified view.
   ViewGeometry view(bool right, const RectifiedGeometry& target) const;
 
   // Equal to the Python package's StereoCalibration.sha256.

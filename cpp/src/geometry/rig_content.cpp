@@ -8,7 +8,7 @@ namespace {
 
 std::string list(const double* values, int count) {
   std::string text;
-  // Of -0 as of 0: rigs that are equal have one hash.
+  // Adding 0.0 turns -0 into 0, so that equal rigs have the same hash.
   for (int i = 0; i < count; ++i) text.append(i == 0 ? "[" : ",").append(json_number(values[i] + 0.0));
   return text.empty() ? "[]" : text.append("]");
 }
@@ -29,7 +29,7 @@ std::string camera(const double* k, const double* distortion, int count, const d
 }  // namespace
 
 std::string rig_content(const endo_calibration& rig) {
-  // Keys in alphabetical order.
+  // The keys are in alphabetical order.
   return JsonObject()
       .raw("height", std::to_string(rig.height))
       .raw("left", camera(rig.left_matrix, rig.left_distortion, rig.left_distortion_count, rig.left_field_of_view))

@@ -1,4 +1,4 @@
-// A calibration as canonical text, byte for byte what the Python package hashes.
+// A calibration as canonical text. It has the same bytes as the text that the Python package hashes.
 #pragma once
 
 #include <endosdk/endosdk.h>

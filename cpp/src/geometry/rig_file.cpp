@@ -18,7 +18,7 @@ void require_readable(bool holds, const std::string& field, const Rule& rule, co
   require(holds, ENDO_CALIBRATION_UNREADABLE, field, rule, value);
 }
 
-// What a message shows of a text, which may hold anything.
+// The form in which a message shows a text of the file, which may hold any bytes: short and printable.
 std::string shown(std::string_view text) {
   constexpr size_t longest = 80;
   std::string seen(text.substr(0, longest));
@@ -26,7 +26,7 @@ std::string shown(std::string_view text) {
   return text.size() <= longest ? seen : seen + "...";
 }
 
-// An object of the file, and how messages call it.
+// An object of the file, and its name in messages.
 class Fields {
  public:
   Fields(std::string name, std::string_view json) : name_(std::move(name)) {
@@ -55,7 +55,7 @@ class Fields {
     return std::string(*text);
   }
 
-  // A whole number, of 32 bits.
+  // A whole number of 32 bits.
   int32_t whole(std::string_view key) const {
     const std::string_view json = value(key);
     const auto number = json_value_of_number(json);
@@ -71,7 +71,7 @@ class Fields {
     return found;
   }
 
-  // Exactly as many as `out` has.
+  // The same; there must be exactly as many numbers as `out` has.
   template <size_t Count>
   void numbers(std::string_view key, double (&out)[Count]) const {
     const std::vector<double> found = numbers(key);

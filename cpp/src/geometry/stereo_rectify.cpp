@@ -11,7 +11,7 @@
 namespace endosdk {
 namespace {
 
-// The rotations that make both image planes one plane, with its x axis along the baseline.
+// The rotations that bring both image planes into one plane, with the x axis along the baseline.
 struct Alignment {
   Mat3 left;
   Mat3 right;
@@ -19,13 +19,13 @@ struct Alignment {
 };
 
 Alignment align(const StereoRig& rig) {
-  // Each camera turns by half of the rotation between them ...
+  // First, each camera turns by half of the rotation between them.
   const Vec3 turn = rotation_vector(nearest_rotation(rig.rotation));
   const Mat3 half = rotation_matrix(scale(turn, -0.5));
   const Vec3 t = multiply(half, rig.translation);
   require(std::fabs(t[0]) > std::fabs(t[1]), "translation", "the cameras must lie side by side, not one above the other",
           std::to_string(t[0]) + ", " + std::to_string(t[1]) + " along x and y");
-  // ... and then both turn together, by the shortest way that brings the baseline onto the x axis.
+  // Then both turn together, by the smallest rotation that brings the baseline onto the x axis.
   Vec3 axis = cross(t, {t[0] > 0.0 ? 1.0 : -1.0, 0.0, 0.0});
   const double length = norm(axis);
   if (length > 0.0) axis = scale(axis, std::acos(std::min(1.0, std::fabs(t[0]) / norm(t))) / length);
@@ -46,7 +46,7 @@ Point rotate(const Mat3& rotation, Point p) {
   return {ray[0] / ray[2], ray[1] / ray[2]};
 }
 
-// Rectified positions of the four image corners relative to a principal point at zero, averaged.
+// The mean of the rectified positions of the four image corners, for a principal point at zero.
 Point mean_corner(const Camera& camera, const Mat3& rotation, int width, int height, double focal) {
   Point sum;
   for (int corner = 0; corner < 4; ++corner) {
@@ -61,7 +61,7 @@ struct Bounds {
   double left, right, top, bottom;
 };
 
-// The largest rectangle inside, and the smallest around, the rectified outline of the raw image.
+// The largest rectangle inside the rectified outline of the raw image, and the smallest rectangle around it.
 struct Outline {
   Bounds inner;
   Bounds outer;
@@ -87,14 +87,15 @@ Outline outline(const Camera& camera, const Mat3& rotation, int width, int heigh
   return o;
 }
 
-// How much the picture may be enlarged about `centre` until each side of `bounds` reaches the image's side.
+// For each side of `bounds`, the factor by which to enlarge the picture about `centre` so that it reaches that side of the
+// image.
 std::array<double, 4> enlargements(const Bounds& bounds, Point centre, int width, int height) {
   return {centre.x / (centre.x - bounds.left), centre.y / (centre.y - bounds.top),
           (width - 1 - centre.x) / (bounds.right - centre.x), (height - 1 - centre.y) / (bounds.bottom - centre.y)};
 }
 
 Rectification rectify_pinhole(const StereoRig& rig, const Alignment& alignment, double alpha) {
-  // The mean vertical focal length, so that rows keep their height; both views share one principal point.
+  // The mean vertical focal length keeps the height of rows. Both views share one principal point.
   double focal = 0.5 * (rig.left.fy + rig.right.fy);
   const Point left = mean_corner(rig.left, alignment.left, rig.width, rig.height, focal);
   const Point right = mean_corner(rig.right, alignment.right, rig.width, rig.height, focal);
@@ -115,14 +116,14 @@ Rectification rectify_pinhole(const StereoRig& rig, const Alignment& alignment, 
           projection(focal, focal, centre, alignment.baseline_x * focal)};
 }
 
-// Focal length and principal point that suit one fisheye view, from the middles of the image's four sides.
+// Focal length and principal point that fit one fisheye view. They follow from the centres of the image's four sides.
 struct FisheyeFit {
   double fy;
   Point centre;
 };
 
 FisheyeFit fit_fisheye(const Camera& camera, const Mat3& rotation, int width, int height, double alpha) {
-  // Whole pixels, as OpenCV takes them.
+  // Whole pixels, as in OpenCV.
   const std::array<Point, 4> sides = {Point{double(width / 2), 0.0}, Point{double(width), double(height / 2)},
                                       Point{double(width / 2), double(height)}, Point{0.0, double(height / 2)}};
   const double aspect = camera.fx / camera.fy;

@@ -1,4 +1,4 @@
-// From the numbers of a calibrated rig to rectified geometry, by OpenCV's conventions.
+// Computes the rectified geometry of a calibrated rig, by OpenCV's conventions.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@ namespace endosdk {
 
 using Mat34 = std::array<double, 12>;
 
-// right_point = rotation * left_point + translation; the translation's unit is the unit of all depths.
+// right_point = rotation * left_point + translation. All depths are in the unit of the translation.
 struct StereoRig {
   Camera left;
   Camera right;
@@ -20,8 +20,8 @@ struct StereoRig {
   int height = 0;
 };
 
-// Rotations into the rectified frames and projections from there to rectified pixels. Both projections share focal
-// length and principal point; right_projection[3] is minus focal length times baseline.
+// Rotations into the rectified coordinate frames, and projections from there to rectified pixels. Both projections share focal
+// length and principal point. right_projection[3] is minus focal length times baseline.
 struct Rectification {
   Mat3 left_rotation;
   Mat3 right_rotation;
@@ -30,11 +30,11 @@ struct Rectification {
 };
 
 // Equals cv2.stereoRectify(flags=CALIB_ZERO_DISPARITY, alpha=alpha) for pinhole rigs and cv2.fisheye.stereoRectify with
-// balance=alpha for fisheye rigs: alpha 0 shows only pixels that both views have, 1 keeps every source pixel. A negative
-// alpha (pinhole only) keeps the mean focal length. The views must lie side by side.
+// balance=alpha for fisheye rigs. Alpha 0 shows only pixels that both views have, 1 keeps every source pixel. A negative alpha
+// (pinhole only) keeps the mean focal length. The views must lie side by side.
 Rectification stereo_rectify(const StereoRig& rig, double alpha);
 
-// What one rectified view needs: the camera that took it and the geometry it is turned into.
+// The numbers for one rectified view: the camera that took it, and the rectified geometry.
 struct ViewGeometry {
   Camera camera;
   Mat3 rotation{1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -43,7 +43,7 @@ struct ViewGeometry {
 
 void check_view(const ViewGeometry& view, const char* name);
 
-// Tells for rectified pixels where they lie in the raw image.
+// Maps rectified pixels to their positions in the raw image.
 class SourceMap {
  public:
   explicit SourceMap(const ViewGeometry& view);

@@ -13,7 +13,7 @@ namespace endosdk {
 namespace {
 
 constexpr int rows_per_block = 16;
-constexpr int steps_per_pixel = 128;  // of a stored position
+constexpr int steps_per_pixel = 128;  // resolution of a stored position
 
 void check_size(Size size, const char* name) {
   require(size.width >= 1 && size.height >= 1 && size.width <= longest_side && size.height <= longest_side, name,
@@ -26,8 +26,8 @@ int checked_reduction(Size raw, Size rectified) {
   return reduction(raw, rectified);
 }
 
-// The map out of a frame that has been reduced: its camera has proportionally shorter focal lengths, and its first pixel
-// lies in the middle of the first block.
+// Builds the map from a reduced frame. Its camera has proportionally shorter focal lengths, and its first pixel lies in the
+// middle of the first block.
 ViewMap build(const ViewGeometry& view, Size raw, Size rectified, int factor, Border border, const char* name) {
   check_view(view, name);
   ViewGeometry seen = view;
@@ -54,7 +54,7 @@ ViewMap::ViewMap(const ViewGeometry& view, const MapSource& source, Size rectifi
   fraction_.resize(pixels);
   valid_.resize(pixels);
   const SourceMap map(view);
-  // Side by side only what allocates nothing, and so cannot throw.
+  // Only this part runs in parallel: it allocates nothing, so it cannot throw.
   std::vector<Kind> kinds(pixels);
   parallel_for(rectified.height, rows_per_block, [&](int begin, int end, int) {
     for (int y = begin; y < end; ++y) build_row(map, source, y, kinds.data());
@@ -71,7 +71,7 @@ ViewMap::ViewMap(const ViewGeometry& view, const MapSource& source, Size rectifi
   }
 }
 
-// Stores one source position and tells which way of reading it needs.
+// Stores one source position, and returns how it must be read.
 ViewMap::Kind ViewMap::place(Point position, const MapSource& source, size_t index) {
   const Size size = source.size;
   const double rim = source.border == Border::whole ? 0.5 : 1.0;

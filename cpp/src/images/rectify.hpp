@@ -1,4 +1,4 @@
-// Rectification: raw interleaved frames to padded planar RGB, both views in one call.
+// Rectification: turns the raw interleaved frames of both views into padded planar RGB, in one call.
 #pragma once
 
 #include <cstdint>
@@ -11,14 +11,14 @@
 
 namespace endosdk {
 
-// What a position beyond the middle of the outermost pixels, but still on them, reads: a mixture with black, as in
-// cv2.remap with a constant border, or those pixels alone. Beyond the picture all is black.
+// How a position on an outermost pixel, but beyond its centre, is read. `fading` mixes the pixel with black, as
+// cv2.remap does with a constant border. `whole` takes the pixel alone. Outside the picture everything is black.
 enum class Border { fading, whole };
 
 // The picture that a map reads.
 struct MapSource {
   Size size;
-  double width = 0.0;  // px of this picture that hold raw pixels; less than its size where the last block is not full
+  double width = 0.0;  // px of this picture that hold raw pixels; less than its size if the last block is not full
   double height = 0.0;
   Border border = Border::fading;
 };
@@ -57,19 +57,19 @@ class ViewMap {
   std::vector<size_t> row_spans_;  // spans of row y: row_spans_[y] to row_spans_[y + 1]
 };
 
-// Memory of a frame in work, kept between frames so that a frame allocates nothing.
+// Scratch memory for one frame. It is kept between frames, so that a frame allocates nothing.
 struct RectifyScratch {
   ReducedFrame left, right;
 };
 
-// Immutable after construction, so one object may serve several threads, each with scratch memory of its own. A frame
-// at least twice as large as the rectified picture is first reduced by a whole factor, so that no detail is skipped
-// over; its border is then whole, because fading would reach over a block of raw pixels.
+// A rectifier is immutable, so one object may serve several threads, each with its own scratch memory. A frame at least twice
+// as large as the rectified picture is first reduced by a whole factor, so that sampling skips no detail. Then `Border::whole`
+// is used, because fading would reach over a block of raw pixels.
 class Rectifier {
  public:
   Rectifier(Size raw, Size rectified, const ViewGeometry& left, const ViewGeometry& right, Border border);
 
-  // Writes the rectified picture into the top left of each output and repeats its last column and row over the rest.
+  // Writes each rectified picture into the top left of its output, and repeats its last column and row over the padding.
   void rectify(const ImageView& left, const ImageView& right, const PlanarView& out_left, const PlanarView& out_right,
                ChannelOrder order, RectifyScratch& scratch) const;
 

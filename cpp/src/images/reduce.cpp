@@ -37,7 +37,7 @@ Size reduced_size(Size raw, int factor) {
 
 ImageView reduce(const ImageView& source, int factor, ReducedFrame& out) {
   const Size size = reduced_size({source.width, source.height}, factor);
-  const Size whole = {source.width / factor, source.height / factor};  // blocks that are full
+  const Size whole = {source.width / factor, source.height / factor};  // complete blocks
   const Reduction row = {factor, source.channels, whole.width};
   const ptrdiff_t stride = ptrdiff_t{size.width} * source.channels;
   const int workers = thread_count();

@@ -13,8 +13,8 @@ namespace {
 
 constexpr int rows_per_block = 16;
 
-// The source index before an output position and the share of the next one; in single precision with one rounding, as
-// torch does it.
+// The source index before an output position, and the weight of the next one. Both are computed in single precision with one
+// rounding, as in torch.
 struct Position {
   int index;
   float weight;

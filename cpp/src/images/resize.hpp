@@ -30,13 +30,13 @@ struct Scale {
 void check_grid(const FloatView& source, const char* name);
 void check_scale(Scale scale, float gain);
 
-// Resizes rows of grids of one size to rows of another, keeping its tables between frames: nothing is allocated as long
-// as sizes and the number of threads do not grow.
+// Resizes grids row by row. It keeps its tables between frames: nothing is allocated as long as sizes and the number of threads
+// do not grow.
 class RowResizer {
  public:
   void prepare(int source_width, int source_height, int out_width, Scale scale);
 
-  // How many workers of a parallel loop may call row() at a time.
+  // Number of workers of a parallel loop that may call row() at the same time.
   int workers() const { return workers_; }
 
   // Writes output row y, multiplied by `gain`. `worker` names the calling thread of a parallel loop.
@@ -45,13 +45,13 @@ class RowResizer {
  private:
   std::vector<int32_t> index_;
   std::vector<float> weight_;
-  std::vector<float> scratch_;  // per worker: one blended source row and its steps
+  std::vector<float> scratch_;  // per worker: one blended source row, and the steps between its values
   float scale_y_ = 1.0f;
   int source_width_ = 0;
   int source_height_ = 0;
   int out_width_ = 0;
   int workers_ = 0;
-  int stride_ = 0;  // of scratch rows
+  int stride_ = 0;  // values per scratch row
 };
 
 // out = gain * resized source

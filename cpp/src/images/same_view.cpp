@@ -11,16 +11,16 @@
 namespace endosdk {
 namespace {
 
-constexpr int columns = 480;    // of blocks, about
-constexpr int side = 12;        // blocks of a tile
+constexpr int columns = 480;    // blocks across a frame, about
+constexpr int side = 12;        // blocks along a side of a tile
 constexpr int tiles_along = 16;
 constexpr int tiles_down = 12;
-constexpr int least_tiles = 6;  // with texture
-constexpr int most_samples = 4;  // of a block, along each axis
-constexpr float flattest = 2.0f;  // grey levels squared that are no texture
-constexpr float most_noise = 0.3f;  // of a tile's variance
+constexpr int least_tiles = 6;  // tiles with texture that a result needs
+constexpr int most_samples = 4;  // per block, along each axis
+constexpr float flattest = 2.0f;  // grey levels squared; below there is no texture
+constexpr float most_noise = 0.3f;  // largest share of a tile's variance that is taken for noise
 
-// Sums run down the columns of a tile first, so that the compiler adds whole rows.
+// Sums run down the columns of a tile first, so that the compiler can add whole rows.
 using Row = std::array<float, side>;
 using Tile = std::array<Row, side>;
 
@@ -30,7 +30,7 @@ float sum_of(const Row& row) {
   return sum;
 }
 
-// Samples of the middle channel, a block's along each axis and how far they lie apart.
+// Samples of the middle channel in a block: their number along each axis, and their distance.
 struct Samples {
   int count;
   int apart;
@@ -38,8 +38,8 @@ struct Samples {
 
 constexpr Samples samples_of(int unit) { return {std::min(unit, most_samples), std::max(1, unit / most_samples)}; }
 
-// Sums of the samples of each block in one row of a tile. The colour views of usual sizes have a form of their own: rows of
-// pixels are added first, which the compiler does in vectors where their length is known.
+// Adds up the samples of each block in one row of a tile. This version is for colour frames of the usual sizes. It adds rows of
+// pixels first. Their length is known when this is compiled, so the compiler uses vectors.
 template <int unit>
 void add_colour_blocks(const ImageView& image, int left, int top, std::array<int, side>& sums) {
   constexpr Samples samples = samples_of(unit);
@@ -61,7 +61,7 @@ void add_any_blocks(const ImageView& image, int left, int top, int unit, std::ar
   for (int j = 0; j < samples.count; ++j) {
     const uint8_t* block = image.row(top + j * samples.apart) + left * image.channels + image.channels / 2;
     for (int& sum : sums) {
-      int along = 0;  // not in memory, which the image might share for all that the compiler knows
+      int along = 0;  // a local sum: the compiler must assume that `sums` and the image may share memory
       for (int i = 0; i < samples.count; ++i) along += block[i * apart];
       sum += along;
       block += unit * image.channels;
@@ -80,11 +80,11 @@ void add_blocks(const ImageView& image, int left, int top, int unit, std::array<
   }
 }
 
-// The tiles that lie side by side in a view.
+// One row of tiles of a view.
 using Band = std::array<Tile, tiles_along>;
 
-// Means of blocks of unit x unit pixels about those of their tiles. Rows of blocks are read through all tiles, not tile by
-// tile: each row of a large frame lies in pages of its own, and to find a page takes longer than to read what it holds.
+// Means of blocks of unit x unit pixels, less the mean of their tile. Each row of blocks is read through all tiles before the
+// next row: every row of a large frame lies in memory pages of its own, and finding a page takes longer than reading it.
 void read_band(const ImageView& image, int top, int unit, Band& band) {
   using Sums = std::array<int, side>;
   std::array<std::array<Sums, side>, tiles_along> sums{};
@@ -106,7 +106,8 @@ void read_band(const ImageView& image, int top, int unit, Band& band) {
   }
 }
 
-// Mean square of a tile's mixed second difference, which of white noise is 36 times its variance.
+// Variance of the noise in a tile, from its mixed second difference: the mean square of this difference is 36 times the
+// variance of white noise.
 float noise_of(const Tile& t) {
   Row squares{};
   for (size_t y = 1; y + 1 < side; ++y) {
@@ -140,7 +141,7 @@ float steepness_of(const Tile& t) {
 }
 
 struct Compared {
-  float varies;        // of the view with more
+  float varies;        // variance of the view that has more
   float displacement;  // blocks squared; infinite where the tiles have nothing in common
 };
 

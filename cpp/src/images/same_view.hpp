@@ -1,21 +1,22 @@
-// Whether two frames are one view, given twice: one camera that is connected to both inputs, or an old picture in one eye.
+// Detects whether both frames of a pair show the same view: one camera is connected to both inputs, or one input shows an old
+// picture.
 #pragma once
 
 #include "images/image.hpp"
 
 namespace endosdk {
 
-// How far apart two frames show their texture, thousandths of the width: in tiles all over them, what differs, beside light
-// and noise, as a share of how steep the left frame is along its rows; the median of the half with more texture. 0 for frames
-// of the same bytes, at most farthest_displacement, which frames of different shapes have too; not a number where too few
-// tiles have texture.
+// How far apart two frames show their texture, in thousandths of the width. It is measured in tiles all over the frames. In
+// each tile, the difference of the frames without light and noise is divided by the slope of the left frame along its rows. The
+// result is the median over the half of the tiles with more texture. It is 0 for frames with equal bytes, and at most
+// farthest_displacement, which frames of different shapes get, too. It is NaN where too few tiles have texture.
 double displacement_of_frames(const ImageView& left, const ImageView& right);
 
-// From there on frames have nothing in common at the same place, and nothing tells how far apart they are.
+// From this displacement on, the frames have nothing in common at the same place. Then the true displacement is unknown.
 constexpr double farthest_displacement = 100.0;
 
-// Frames less apart are one view, passed through two chains that changed it by a bit, by noise or by compression. Pairs of
-// rigs are farther apart: flat boards that face the cameras 6, tissue 12 and more.
+// Two frames with a smaller displacement are the same view: it went through two video chains, which changed it a little, by
+// noise or by compression. Real pairs are farther apart: flat boards that face the cameras 6, tissue 12 and more.
 constexpr double displacement_of_one_view = 3.0;
 
 }  // namespace endosdk

@@ -16,7 +16,7 @@
 namespace endosdk {
 namespace {
 
-// The keys that not every model carries.
+// Keys that not every model has.
 constexpr const char* max_candidate_disparity_key = "max_candidate_disparity";
 constexpr const char* inference_width_key = "inference_width";
 constexpr const char* upsampling_key = "upsampling";
@@ -45,13 +45,13 @@ int positive(const MetadataLookup& lookup, const std::string& key) {
   const std::string text = required(lookup, key);
   int number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  // Nine digits: more than any side or disparity has.
+  // Nine digits are enough for any side length or disparity.
   const bool whole = text.size() <= 9 && error == std::errc() && end == text.data() + text.size();
   require(whole && number > 0, ENDO_MODEL_METADATA, prefix + key, "must be a positive whole number", in_quotes(text));
   return number;
 }
 
-// Whether a name that becomes one of a folder leads nowhere else.
+// Whether a name is safe as the name of a folder: it must not lead to another place.
 bool is_plain_name(std::string_view name) {
   const auto is_letter_or_digit = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
@@ -60,12 +60,12 @@ bool is_plain_name(std::string_view name) {
   return name.size() <= 100 && is_letter_or_digit(name.front()) && std::all_of(name.begin(), name.end(), is_plain);
 }
 
-// 0 where the model says nothing.
+// The value of a key, or 0 if the model does not have it.
 int optional(const MetadataLookup& lookup, const std::string& key) {
   return lookup(prefix + key) ? positive(lookup, key) : 0;
 }
 
-// The number after a word of the text, and that text cut off.
+// Reads a word and the number after it from the start of the text, and removes both. Returns 0 if the text begins otherwise.
 float number_after(std::string_view word, std::string_view& text) {
   float number = 0.0f;
   if (text.substr(0, word.size()) != word) return 0.0f;

@@ -1,4 +1,4 @@
-// Model files: their bytes and hash, and what they say of themselves.
+// Model files: their bytes, their hash and their metadata.
 #pragma once
 
 #include <functional>
@@ -14,10 +14,10 @@ struct ModelFile {
   std::vector<char> data;
   std::string origin;
   std::string sha256;
-  bool is_sealed = false;  // damage to its bytes would have been noticed
+  bool is_sealed = false;  // true: the file has a seal, and its bytes match it
 };
 
-// As the metadata of a model states it.
+// The text for these constants in the metadata of a model.
 std::string text_of(const Upsampling& upsampling);
 
 // The `endosdk.*` metadata of a model.
@@ -27,8 +27,8 @@ struct ModelInfo {
   int input_multiple = 1;  // both sides of the input are padded to a multiple of this, px
   int output_stride = 1;   // the output grid is the input grid divided by this
   int max_disparity = 0;   // px at the input's width
-  int max_candidate_disparity = 0;      // the largest disparity the network considers, px at the input's width; 0: not stated
-  int inference_width = 0;     // px; frames are seen at this width unless the caller sets a size; 0: none named
+  int max_candidate_disparity = 0;      // largest disparity that the network considers, px at the input's width; 0: not stated
+  int inference_width = 0;     // px; frames are resized to this width unless the caller sets a size; 0: not stated
   Upsampling upsampling;
   std::string license;
   std::string intended_use;
@@ -36,21 +36,21 @@ struct ModelInfo {
   std::string sha256;    // of the model's bytes
 };
 
-// What a host asks of a model's bytes before anything of them is read.
+// The host's requirements for a model's bytes. They are checked before the bytes are parsed.
 struct ModelProof {
   std::string sha256;                                // 64 hexadecimal digits; empty: any
-  std::function<void(const ModelFile&)> signature{};  // throws unless it holds; null: none is asked for
+  std::function<void(const ModelFile&)> signature{};  // throws if the signature is wrong; null: none is required
 
   bool is_given() const { return !sha256.empty() || signature != nullptr; }
 };
 
-// Hash, signature and content are of the very bytes that are kept, which hold all of the model.
+// Hash, signature and content are checked on the same bytes that are kept. These bytes hold the whole model.
 ModelFile read_model(const std::string& path, const ModelProof& proof);
 ModelFile copy_model(const void* data, size_t size, const ModelProof& proof);
 
 using MetadataLookup = std::function<std::optional<std::string>(const std::string& key)>;
 
-// Names the key that is missing or wrong.
+// Throws an error that names the key if one is missing or wrong.
 ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256);
 
 }  // namespace endosdk

@@ -10,7 +10,7 @@
 namespace endosdk {
 namespace {
 
-// What a network does with shapes and indices. The runtime keeps it on the processor, where such numbers are read.
+// Operations on shapes and indices. The runtime keeps them on the processor, where it reads their results.
 constexpr std::string_view shape_operations[] = {
     "Add",   "And",   "Cast",     "Concat", "ConstantOfShape", "Div",  "Equal",   "Expand",    "Gather",    "Greater",
     "Less",  "Max",   "Identity", "Min",    "Mod",             "Mul",  "Neg",     "Not",       "Or",        "Range",
@@ -22,13 +22,13 @@ bool is_shape_operation(std::string_view operation) {
   return std::find(std::begin(shape_operations), std::end(shape_operations), operation) != std::end(shape_operations);
 }
 
-// Also in the names of their fused and 8-bit kinds.
+// The fused and 8-bit variants of heavy operations have these words in their names, too.
 bool is_heavy(std::string_view operation) {
   const auto has = [&](std::string_view part) { return operation.find(part) != std::string_view::npos; };
   return has("Conv") || has("MatMul") || has("Gemm");
 }
 
-// The text between the first of one mark and the next of another; empty without them.
+// The text between the first `begin` and the next `end`; empty if `begin` is missing.
 std::string_view between(std::string_view text, std::string_view begin, std::string_view end) {
   const size_t first = text.find(begin);
   if (first == std::string_view::npos) return {};
@@ -58,7 +58,8 @@ void check_placement(const std::string& provider, const Placement& placement) {
 }
 
 void PlacementLog::read(std::string_view line) {
-  // " Node(s) placed on [NAME]. Number of nodes: N", then N of "  OPERATION (node)"; or all on one, then none.
+  // The line " Node(s) placed on [NAME]. Number of nodes: N" is followed by N lines "  OPERATION (node)". If all nodes are on
+  // one provider, the line begins with "All nodes", and no such lines follow.
   const std::string_view provider = between(line, "placed on [", "]. Number of nodes: ");
   if (!provider.empty()) {
     const std::string_view count = between(line, "Number of nodes: ", "\n");

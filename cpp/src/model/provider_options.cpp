@@ -14,7 +14,8 @@ namespace {
 
 constexpr const char* argument = "provider_options";
 
-// They record the work of one frame and repeat it with the memory of then; here each frame has other memory of the provider.
+// These options record the work of one frame and repeat it with the same memory. Here, each frame uses other memory of the
+// provider.
 constexpr std::array<std::string_view, 3> recording = {"enable_cuda_graph", "trt_cuda_graph_enable", "enableGraphCapture"};
 
 bool is_recording(const std::string& key, const std::string& value) {
@@ -22,7 +23,7 @@ bool is_recording(const std::string& key, const std::string& value) {
   return !off && std::find(recording.begin(), recording.end(), key) != recording.end();
 }
 
-// By default CUDA rounds what convolutions multiply to 10 bits, which moves a float32 model's disparities.
+// By default, CUDA rounds the factors of convolutions to 10 bits. This changes the disparities of a float32 model.
 constexpr const char* rounded_floats = "use_tf32";
 
 

@@ -34,7 +34,7 @@ std::string call_name_of_provider(std::string_view name) {
 
 bool wants_float32_model(std::string_view provider) {
   const Provider* known = find(provider);
-  if (known == nullptr) return true;  // an accelerator, of which nothing is known
+  if (known == nullptr) return true;  // an unknown accelerator
   return known->wants_float32_models || !has_integer_units();
 }
 

@@ -1,4 +1,4 @@
-// The execution providers that have short names, written once: a new one is a new line here.
+// The execution providers with short names. This is the only list of them: a new provider is a new line here.
 #pragma once
 
 #include <string>
@@ -12,9 +12,9 @@ constexpr const char* cuda_provider = "CUDAExecutionProvider";
 struct Provider {
   const char* name;           // what users write
   const char* full_name;      // ONNX Runtime's own
-  const char* call_name;      // what its general call takes, and before version 1.22 the only one that it takes
+  const char* call_name;      // name in ONNX Runtime's general call; before version 1.22 the only one that the call takes
   bool wants_float32_models;  // it runs 8-bit models slower than float32 ones, or not at all
-  bool shares_processor;      // it is a library for the processor that takes the heavy operations alone
+  bool shares_processor;      // it is a library for the processor that takes only the heavy operations
 };
 
 constexpr Provider providers[] = {
@@ -28,16 +28,16 @@ constexpr Provider providers[] = {
     {"webgpu", "WebGpuExecutionProvider", "WebGPU", true, false},
 };
 
-// ONNX Runtime's own name of a provider. Short and full names are taken in any case; others are left as they are.
+// ONNX Runtime's own name of a provider. Upper and lower case do not matter. Unknown names are returned unchanged.
 std::string full_provider_name(std::string_view name);
 
-// What ONNX Runtime's general call for providers takes; of one that is not in the table, its own name.
+// The name of a provider in ONNX Runtime's general call. A provider that is not in the table keeps its own name.
 std::string call_name_of_provider(std::string_view name);
 
-// Whether a float32 model is to be preferred to an 8-bit one: on this provider, and on this processor.
+// Whether to prefer a float32 model to an 8-bit model, on this provider and this processor.
 bool wants_float32_model(std::string_view provider);
 
-// Whether a provider leaves light operations to the processor by design, which costs no copy there.
+// Whether a provider leaves light operations to the processor by design. For such a provider this costs no copy.
 bool shares_processor(std::string_view provider);
 
 }  // namespace endosdk

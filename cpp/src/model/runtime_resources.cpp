@@ -7,7 +7,7 @@ namespace endosdk {
 namespace {
 
 constexpr size_t megabyte = size_t{1} << 20;
-// Version 1.32 needs 35 MB to be loaded, and as much to be read for its hash. Our models then need up to 10 MB, and each
+// Loading version 1.32 needs 35 MB, and reading it for its hash needs as much again. Our models then need up to 10 MB, and each
 // further thread 6 MB.
 constexpr size_t library_bytes = 96 * megabyte;
 constexpr size_t session_bytes = 24 * megabyte;

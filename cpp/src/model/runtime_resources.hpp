@@ -1,5 +1,5 @@
-// Memory and threads that ONNX Runtime needs. It has no code of its own for either being used up: its text tells. Where
-// memory ends while it opens, it can end the process, so what it needs is asked for before.
+// Memory and threads that ONNX Runtime needs. It has no error code for a lack of either; only the text of its error tells. If
+// memory runs out while it opens, it can end the process. So its needs are tested before.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace endosdk {
 
-// Whether the text of an error of the runtime means ENDO_OUT_OF_MEMORY.
+// Whether the text of a runtime error means ENDO_OUT_OF_MEMORY.
 inline bool is_out_of_resources(std::string_view message) {
   for (const char* sign : {"std::bad_alloc", "Failed to allocate memory", "pthread_create failed"}) {
     if (message.find(sign) != std::string_view::npos) return true;
@@ -15,8 +15,8 @@ inline bool is_out_of_resources(std::string_view message) {
   return false;
 }
 
-// Each throws OUT_OF_MEMORY unless this process may have enough more memory now: to load the runtime's library; to make a
-// session of a model file. None of it stays, so another thread can still take it.
+// Both throw ENDO_OUT_OF_MEMORY unless this process can now get enough memory, to load the runtime's library or to create a
+// session of a model file. The memory is only tested, not kept, so another thread can still take it.
 void require_memory_for_runtime();
 void require_memory_for_session(int threads, size_t model_bytes);
 

@@ -26,7 +26,7 @@ std::string hash_of(std::string_view model, size_t position) {
   return sha256(content.data(), content.size());
 }
 
-// Damaged digits may be any bytes, but a message is text.
+// Makes damaged digits printable: they may be any bytes, but a message is text.
 std::string readable(std::string_view text) {
   std::string result(text);
   std::replace_if(result.begin(), result.end(), [](char c) { return c < ' ' || c > '~'; }, '?');

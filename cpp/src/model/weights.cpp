@@ -12,7 +12,7 @@ namespace {
 // The messages of onnx.proto that can hold tensors.
 enum class Kind { model, training, graph, function, node, attribute, sparse, tensor };
 
-// Which field of which message holds which of these messages.
+// Field `field` of message `whole` holds message `part`.
 struct Part {
   Kind whole;
   uint64_t field;
@@ -31,16 +31,16 @@ constexpr Part parts[] = {
 constexpr uint64_t tensor_name = 8;
 constexpr uint64_t tensor_location = 14;  // 0: inside; 1: in another file
 
-constexpr int deepest = 100;  // as in protobuf itself
+constexpr int deepest = 100;  // deepest nesting, as in protobuf itself
 
 // One field of a protobuf message.
 struct Field {
   uint64_t number = 0;
-  uint64_t value = 0;      // of whole numbers
-  std::string_view bytes;  // of texts and messages
+  uint64_t value = 0;      // if the field is a whole number
+  std::string_view bytes;  // if the field is a text or a message
 };
 
-// Goes through a message field by field.
+// Reads a message field by field.
 class Fields {
  public:
   Fields(std::string_view message, const std::string& origin) : rest_(message), origin_(origin) {}

@@ -1,8 +1,8 @@
-// Whether an ONNX file holds its own weights.
+// Checks that an ONNX file holds its own weights.
 //
-// ONNX lets a tensor name a file that holds its numbers, and ONNX Runtime reads it from the current directory. Such
-// numbers are not covered by the hash of the model, so a device could not know what it runs. ONNX Runtime has no way to
-// refuse this in every version, so the library looks itself.
+// An ONNX tensor may name another file that holds its numbers. ONNX Runtime reads this file from the current directory. The
+// hash of the model does not cover these numbers, so a device could not know what it runs. Not every version of ONNX Runtime
+// can refuse such models, so the library checks this itself.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace endosdk {
 
-// Throws ENDO_MODEL_METADATA when a tensor of the model is kept in another file, ENDO_MODEL_UNREADABLE when the bytes
-// cannot be ONNX. `origin` is for the message.
+// Throws ENDO_MODEL_METADATA if a tensor of the model is stored in another file, and ENDO_MODEL_UNREADABLE if the bytes cannot
+// be ONNX. `origin` is for the message.
 void check_weights_are_inside(std::string_view model, const std::string& origin);
 
 }  // namespace endosdk

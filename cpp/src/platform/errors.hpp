@@ -1,5 +1,5 @@
-// The one exception of this code: which argument broke which rule with what value, and the status that says so in C and
-// in Python.
+// The only exception type of this code. It names the argument, the rule that the argument broke and the value seen. It also
+// carries the status code for C and Python.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -40,7 +40,7 @@ std::string as_text(const Part& part) {
   return text.str();
 }
 
-// Argument, rule and value may be anything that can be written to a stream; what must be put together is a Text.
+// Argument, rule and value may be anything that can be written to a stream. A message of several parts is a Text.
 template <typename Argument, typename Rule, typename Value>
 [[noreturn]] void fail(endo_status status, const Argument& argument, const Rule& rule, const Value& value) {
   throw Error(status, as_text(argument), as_text(rule), as_text(value));
@@ -51,7 +51,7 @@ void require(bool holds, endo_status status, const Argument& argument, const Rul
   if (!holds) fail(status, argument, rule, value);
 }
 
-// The same for arguments, which most rules are about.
+// The same for ENDO_INVALID_ARGUMENT, because most rules are about arguments.
 template <typename Argument, typename Rule, typename Value>
 [[noreturn]] void reject(const Argument& argument, const Rule& rule, const Value& value) {
   fail(ENDO_INVALID_ARGUMENT, argument, rule, value);

@@ -1,5 +1,4 @@
-// A mutex that is given to those who wait in the order in which they came, so that a caller in a tight loop shuts nobody
-// out.
+// A mutex that waiting callers get in the order in which they came, so that a caller in a tight loop locks nobody out.
 #pragma once
 
 #include <condition_variable>

@@ -1,4 +1,4 @@
-// Whether the host's own functions, those for log lines and of threads, may still be called.
+// A gate for calls of the host's functions (log function and thread hook). After it is closed, they are not called any more.
 #pragma once
 
 #include <mutex>
@@ -8,7 +8,7 @@ namespace endosdk {
 
 class HostGate {
  public:
-  // Calls the body, unless it is too late. Without a gate it is never too late.
+  // Calls the body if the gate is open. A null gate is always open.
   template <typename Body>
   static void pass(HostGate* gate, const Body& body) {
     if (gate == nullptr) return body();
@@ -16,7 +16,7 @@ class HostGate {
     if (gate->open_) body();
   }
 
-  // Waits for the calls that run; none follows.
+  // Waits until running calls have ended. No call begins afterwards.
   void close() {
     const std::unique_lock lock(mutex_);
     open_ = false;

@@ -8,7 +8,7 @@
 namespace endosdk {
 namespace {
 
-// Checks syntax only; of what it is told to take apart it keeps where the parts lie.
+// Checks the syntax only. For an object or array that it splits, it keeps where the parts are in the text.
 class Syntax {
  public:
   explicit Syntax(std::string_view text) : rest_(text) {}
@@ -45,14 +45,14 @@ class Syntax {
   }
 
  private:
-  static constexpr int deepest = 200;  // enough for any description, and no hostile file can use up the stack
+  static constexpr int deepest = 200;  // enough for any metadata, and a hostile file cannot overflow the stack
 
   bool ends() {
     space();
     return rest_.empty();
   }
 
-  // What `part` takes; nothing where it does not hold.
+  // The text that `part` consumes; empty if `part` fails.
   template <typename Part>
   std::string_view taken(const Part& part) {
     const std::string_view before = rest_;
@@ -148,7 +148,7 @@ class Syntax {
   std::string_view rest_;
 };
 
-// Bytes of the UTF-8 character that the text begins with; 0 if it begins with none.
+// Length in bytes of the UTF-8 character at the start of the text; 0 if there is none.
 size_t character_length(std::string_view text) {
   const auto byte = [&](size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u; };
   const unsigned first = byte(0);
@@ -158,7 +158,7 @@ size_t character_length(std::string_view text) {
   for (size_t i = 1; i < length; ++i) {
     if ((byte(i) & 0xc0u) != 0x80u) return 0;
   }
-  // No longer form of a shorter character, no half of a pair of UTF-16, nothing beyond the last character.
+  // Not valid: an overlong form, half of a UTF-16 surrogate pair, or a code beyond the last character.
   const unsigned second = byte(1);
   const bool stray = (first == 0xe0 && second < 0xa0) || (first == 0xed && second >= 0xa0) ||
                      (first == 0xf0 && second < 0x90) || (first == 0xf4 && second >= 0x90);
@@ -220,7 +220,8 @@ std::string json_number(double value) {
   const std::string_view shortest(text, static_cast<size_t>(scientific.ptr - text));
   const size_t mark = shortest.find('e');
   const int exponent = std::atoi(std::string(shortest.substr(mark + 1)).c_str());
-  // Python writes numbers from 1e-4 to 1e16 without an exponent, and always so that they read back as floats.
+  // Python writes numbers from 1e-4 to 1e16 without an exponent, and with ".0" if they are whole, so that they read back as
+  // floats.
   if (exponent < -4 || exponent >= 16) return std::string(shortest);
   const std::to_chars_result fixed = std::to_chars(text, text + sizeof text, value, std::chars_format::fixed);
   std::string out(text, fixed.ptr);

@@ -1,5 +1,5 @@
-// The little JSON that the library needs: to write its reports, to tell whether a model's metadata is well formed, and to
-// read the file of a rig.
+// The JSON functions that the library needs. It writes reports, checks whether a model's metadata is well formed, and reads rig
+// files.
 #pragma once
 
 #include <cstdint>
@@ -13,26 +13,26 @@ namespace endosdk {
 // Whether the text is one JSON value (RFC 8259).
 bool is_json(std::string_view text);
 
-// A field of an object: its name and its value, as the text has them.
+// A field of an object: its name and its value, both as they are in the text.
 struct JsonField {
   std::string_view name;
   std::string_view value;
 };
 
-// Nothing where the text is no such JSON value. Each field or item is JSON itself.
+// All return nothing if the text is not a JSON value of this kind. The values of fields, and items, are JSON texts themselves.
 std::optional<std::vector<JsonField>> json_fields(std::string_view object);
 std::optional<std::vector<std::string_view>> json_items(std::string_view array);
 std::optional<double> json_value_of_number(std::string_view number);
-std::optional<std::string_view> json_value_of_string(std::string_view string);  // only of one without escapes
+std::optional<std::string_view> json_value_of_string(std::string_view string);  // without escapes only
 
-// In quotes, with everything escaped that must be. JSON is UTF-8: a byte that is not, as in the path of a file, becomes
-// U+FFFD, the character for what cannot be shown.
+// The text in quotes, escaped as JSON requires. JSON is UTF-8. A byte that is not UTF-8, for example in a file path, becomes
+// U+FFFD, the replacement character.
 std::string json_string(std::string_view text);
 
-// The shortest digits that read back as the same number, in the form Python's repr gives them; finite numbers only.
+// The shortest digits that read back as the same number, in the form of Python's repr. For finite numbers only.
 std::string json_number(double value);
 
-// An object, field by field.
+// Writes an object, field by field.
 class JsonObject {
  public:
   JsonObject& text(std::string_view key, std::string_view value) { return raw(key, json_string(value)); }

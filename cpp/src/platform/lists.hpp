@@ -1,4 +1,4 @@
-// Lists and quotations, as messages show them.
+// Lists and quoted texts for messages.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace endosdk {
 
-// Adds an item, behind a separator where it is not the first.
+// Appends an item, after a separator if it is not the first.
 inline void append_item(std::string& list, std::string_view item, std::string_view separator = ", ") {
   if (!list.empty()) list += separator;
   list += item;

@@ -1,4 +1,5 @@
-// The process that an object was made in. A forked child has none of its threads, and finds its locks as they were held.
+// The process in which an object was created. A forked child must not use the object: the child has none of its threads, and
+// its locks may be held forever.
 #pragma once
 
 #include "platform/errors.hpp"
@@ -10,7 +11,7 @@ class OwnProcess {
  public:
   bool is_this() const { return id_ == system::process_id(); }
 
-  // To be asked before any lock is taken.
+  // Must be called before any lock is taken.
   void check() const {
     require(is_this(), "estimator", "must be used in the process that opened it", "a child that was forked");
   }

@@ -1,4 +1,5 @@
-// SHA-256 (FIPS 180-4), to tell models and calibrations apart and to refuse a model that is not the expected one.
+// SHA-256 (FIPS 180-4). It identifies models and calibrations, and lets the library refuse a model that is not the expected
+// one.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -11,7 +12,8 @@ namespace endosdk {
 // 64 lower-case hexadecimal digits.
 std::string sha256(const void* data, size_t size);
 
-// Refuses what does not hash to the 64 digits that `argument`_sha256 asks for; an empty `expected` asks for nothing.
+// Throws `mismatch` if the hash `seen` is not `expected`, the 64 digits given as `argument`_sha256. An empty `expected` accepts
+// any hash.
 void check_sha256(const std::string& seen, const std::string& expected, endo_status mismatch, const std::string& argument,
                   const std::string& origin);
 

@@ -1,4 +1,4 @@
-// Text that is put together only when it is read, so that a check that holds costs no allocation in the frame path.
+// A text that is assembled only when it is read, so that a check that passes allocates nothing in the frame path.
 #pragma once
 
 #include <ostream>

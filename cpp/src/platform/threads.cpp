@@ -18,11 +18,11 @@ namespace {
 
 thread_local int wanted_threads = 0;  // 0: the default
 thread_local bool is_in_loop = false;  // whether this thread has begun a loop that has not ended
-thread_local ThreadHook worker_hook;  // of the workers that start in loops of this thread
+thread_local ThreadHook worker_hook;  // for workers that start in loops of this thread
 
-// Loops of a frame follow each other within microseconds, in which a thread would fall asleep and be woken: that takes
-// longer than many of the loops. So it looks that long for what it waits for. It does not yield: where other programs
-// wait for the core, they would keep it for milliseconds.
+// Waits actively for a short time. The loops of a frame follow each other within microseconds. To fall asleep and wake up takes
+// longer than many of these loops. The thread does not yield: another program that waits for the core could keep it for
+// milliseconds.
 template <typename Condition>
 void look_for(const Condition& condition) {
   constexpr auto patience = std::chrono::microseconds(50);
@@ -44,7 +44,7 @@ struct Loop {
   int workers = 0;
   std::atomic<int> next{0};
   std::atomic<bool> failed{false};
-  std::exception_ptr failure;  // of the body that failed first; it alone writes here
+  std::exception_ptr failure;  // of the body that failed first; only this body writes here
 
   void work(int worker) noexcept {
     try {
@@ -64,7 +64,7 @@ struct Loop {
     }
   }
 
-  // Keeps the exception that is being handled, if it is the first.
+  // Ends the loop early, and keeps the exception that is being handled if it is the first.
   void stop() noexcept {
     if (!failed.exchange(true)) failure = std::current_exception();
     next = count;
@@ -77,7 +77,7 @@ void run_alone(int count, int block, const LoopBody& body) {
 
 class Pool {
  public:
-  // Null: the caller has no work of its own.
+  // `own` is null if the caller has no work of its own.
   void run(const FunctionReference<>* own, int count, int block, const LoopBody& body, int workers) {
     const std::unique_lock running(running_, std::try_to_lock);
     if (!running.owns_lock()) {
@@ -101,7 +101,7 @@ class Pool {
     wake_.notify_all();
     if (own != nullptr) loop_.run_own(*own);
     loop_.work(0);
-    // Only workers that joined in time matter: one that other programs keep from running must not delay the frame.
+    // Waits only for workers that have joined: a worker that other programs keep from running must not delay the frame.
     std::unique_lock lock(mutex_);
     open_ = false;
     lock.unlock();
@@ -122,10 +122,10 @@ class Pool {
           serve(worker, seen, hook);
         }).detach();
       } catch (const std::system_error&) {
-        break;  // the system has no thread left: the loop runs on those there are
+        break;  // the system has no thread left: the loop runs on the existing ones
       }
     }
-    // The hook may be called no more once the host's own call has ended.
+    // Waits until every new worker has called the hook: it must not be called after the host's own call has ended.
     std::unique_lock lock(mutex_);
     done_.wait(lock, [&] { return begun_ == started_; });
   }
@@ -152,22 +152,22 @@ class Pool {
 
   std::mutex running_;  // held by the caller whose loop the workers serve
   int started_ = 0;     // workers; guarded by running_
-  std::mutex mutex_;    // guards everything below; what is atomic may be read without it
+  std::mutex mutex_;    // guards everything below; atomic members may be read without it
   std::condition_variable wake_;
   std::condition_variable done_;
   Loop loop_;
   std::atomic<unsigned> generation_ = 0;
-  int begun_ = 0;      // workers that were handed to the host
+  int begun_ = 0;      // workers that have called the hook
   std::atomic<int> active_ = 0;  // workers inside the loop
   bool open_ = false;  // workers may still join the loop
 };
 
-// Never destroyed, and its workers never end: at exit they sleep and hold nothing, and joining them could deadlock.
+// The pool is never destroyed, and its workers never end. At exit they sleep and hold nothing. Joining them could deadlock.
 Pool* pool_instance = nullptr;
 std::mutex pool_mutex;
 
-// A forked child has none of the parent's threads and cannot use their locks: it leaves the old pool alone and makes
-// its own. The mutex is held across the fork so that the child finds it in a known state.
+// A forked child has none of the parent's threads and cannot use their locks. So it abandons the old pool and makes its own.
+// The mutex is held during the fork, so that the child finds it in a known state.
 void before_fork() { pool_mutex.lock(); }
 void after_fork_parent() { pool_mutex.unlock(); }
 void after_fork_child() {
@@ -198,7 +198,7 @@ Error short_of_threads(int wanted, int started) {
 
 namespace {
 
-// Threads that do nothing until all are let go, whatever ends the scope.
+// Threads that only wait. The destructor ends them, however the scope is left.
 class WaitingThreads {
  public:
   ~WaitingThreads() {
@@ -210,13 +210,13 @@ class WaitingThreads {
     for (std::thread& thread : threads_) thread.join();
   }
 
-  // Starts as many as the system gives, up to `count`, and returns how many run.
+  // Starts up to `count` threads, as many as the system allows, and returns how many run.
   int start(int count) {
     threads_.reserve(static_cast<size_t>(count));
     try {
       for (int i = 0; i < count; ++i) threads_.emplace_back([this] { wait(); });
     } catch (const std::system_error&) {
-      // The caller sees by their number that the system has no more.
+      // The returned number tells the caller that the system has no more threads.
     }
     return static_cast<int>(threads_.size());
   }

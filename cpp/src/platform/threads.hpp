@@ -1,9 +1,9 @@
 // The worker threads that all kernels share.
 //
-// The caller of parallel_for works too; workers sleep when there has been nothing to do for a moment, and start with the
-// first loop that needs them. When the workers are busy with another caller's loop, a loop runs on its own caller alone, so callers
-// never wait for each other. How many threads a loop may use is the calling thread's own setting, so that two estimators
-// of one process do not decide for each other. After fork() the child starts workers of its own.
+// The caller of parallel_for works, too. Workers start with the first loop that needs them, and sleep after a moment without
+// work. If they are busy with the loop of another caller, a loop runs on its own caller alone, so callers never wait for each
+// other. Each calling thread sets how many threads its loops may use, so that two estimators of one process do not decide for
+// each other. After fork(), the child starts its own workers.
 #pragma once
 
 #include <memory>
@@ -16,22 +16,23 @@ namespace endosdk {
 
 constexpr int max_threads = 256;
 
-// As many as the cores this process may use, but no more than keep the kernels busy.
+// The number of cores that this process may use, but not more threads than the kernels can use well.
 int default_thread_count();
 
-// Threads that a loop of the calling thread may use, itself included; default_thread_count() until it is set.
+// Number of threads that a loop of the calling thread may use, including this thread. It is default_thread_count() until it is
+// set.
 int thread_count();
 
-// OUT_OF_MEMORY: the system started only some of the further threads that were wanted.
+// The error ENDO_OUT_OF_MEMORY for: the system started only some of the further threads that were wanted.
 Error short_of_threads(int wanted, int started);
 
-// Throws that unless the system can start so many further threads at a time. None of them stays.
+// Throws this error unless the system can run `count` further threads at a time. The threads end before the call returns.
 void reserve_threads(int count);
 
-// For the later loops of the calling thread, 1 to max_threads. With 1 they run on that thread alone.
+// Sets the number for later loops of the calling thread, 1 to max_threads. With 1, they run on this thread alone.
 void set_thread_count(int count);
 
-// The same for as long as the object lives. Workers that start meanwhile are handed to the hook, each before it works.
+// Sets the number while the object lives. Each worker that starts meanwhile calls the hook before it works.
 class LoopThreads {
  public:
   explicit LoopThreads(int count, const ThreadHook& hook = {});
@@ -45,7 +46,7 @@ class LoopThreads {
   ThreadHook hook_before_;
 };
 
-// A reference to a function, which must live longer. Making one takes no memory.
+// A reference to a function, which must live longer than the reference. It allocates nothing.
 template <typename... Arguments>
 class FunctionReference {
  public:
@@ -61,17 +62,17 @@ class FunctionReference {
   void (*call_)(void*, Arguments...);
 };
 
-// The body of a loop; it is called as body(begin, end, worker) with worker below thread_count().
+// The body of a loop. It is called as body(begin, end, worker), with `worker` below thread_count().
 using LoopBody = FunctionReference<int, int, int>;
 
-// Calls `body` for blocks of at most `block` indices that together cover 0 to count. Only workers below `workers` take
-// part: a body with scratch memory per worker passes how many it has. What a body throws, on whichever thread, reaches
-// the caller once no worker is in the loop. Blocks that have not begun are left out; of several exceptions the first is
-// kept.
+// Calls `body` for blocks of at most `block` indices that together cover 0 to count. Only workers below `workers` take part: a
+// caller with scratch memory per worker passes for how many workers it has memory. An exception of the body, on any thread,
+// reaches the caller after all workers have left the loop. Blocks that have not begun are skipped. Of several exceptions, the
+// first is kept.
 void parallel_for(int count, int block, LoopBody body, int workers = max_threads);
 
-// The same, beside work of the caller's own: other threads begin with the blocks, and the caller takes part once `own` is
-// done. Loops within it run on its thread alone.
+// Does the same while the caller runs `own`. Other threads begin with the blocks; the caller joins them when `own` is done.
+// Loops inside `own` run on the caller's thread alone.
 void parallel_for_beside(FunctionReference<> own, int count, int block, LoopBody body);
 
 }  // namespace endosdk
