@@ -1,4 +1,4 @@
-// NumPy arrays as the core's views: types, shapes and strides are checked here, and nothing is copied.
+// Turns NumPy arrays into views of the core. Types, shapes and strides are checked, and nothing is copied.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -53,7 +53,7 @@ FloatView float_view(const py::array& array, const char* name) {
   return {static_cast<const float*>(array.data()), side(array.shape(1), name), side(array.shape(0), name)};
 }
 
-// The memory of an array that the caller wants written.
+// The memory of an output array.
 inline void* writable(py::array& array, const char* name) {
   require(array.writeable(), name, "must be writable", "a read-only array");
   return array.mutable_data();
@@ -64,7 +64,7 @@ inline MutableFloatView float_output(py::array& array, const char* name) {
   return {static_cast<float*>(writable(array, name)), view.width, view.height};
 }
 
-// An optional map that must have the size of the outputs; null when it is None.
+// The memory of an optional map, which must have the size of the outputs; null if it is None.
 template <typename Type>
 const Type* map_of(const OptionalArray& array, Size size, const char* name) {
   if (!array) return nullptr;
@@ -81,7 +81,7 @@ Type* map_output(OptionalArray& array, Size size, const char* name) {
   return static_cast<Type*>(writable(*array, name));
 }
 
-// The memory of the maps that a caller wants, in the order of map_fields: None, or nothing at the end, for the others.
+// The memory of the maps that the caller wants, in the order of map_fields. An unwanted map is None, or missing at the end.
 inline MapsOut maps_out(const py::tuple& arrays, Size size) {
   MapsOut out;
   size_t next = 0;
@@ -131,7 +131,7 @@ std::array<double, Count> numbers(const Doubles& array, const std::string& name)
   return result;
 }
 
-// Values and covariance of the five terms, vertical disparity and its standard error; None where nothing was measured.
+// Values and covariance of the five terms, vertical disparity and its standard error. None if nothing was measured.
 inline py::object pose_tuple(const PoseError& pose) {
   if (!pose.measured) return py::none();
   return py::make_tuple(pose.value, pose.covariance, pose.vertical_px, pose.vertical_se_px);

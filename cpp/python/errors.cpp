@@ -1,4 +1,4 @@
-// Errors of the core become the package's own, with the same code and words as in C.
+// Turns errors of the core into those of the Python package, with the same code and text as in C.
 #include <new>
 #include <stdexcept>
 #include <system_error>
@@ -27,10 +27,10 @@ void translate(std::exception_ptr thrown) {
     raise_error(error);
   } catch (const std::bad_alloc&) {
     raise_error(ENDO_OUT_OF_MEMORY, "", "out of memory", "");
-  } catch (const std::length_error&) {  // asked for more than any memory holds
+  } catch (const std::length_error&) {  // a container was asked for more than any memory holds
     raise_error(ENDO_OUT_OF_MEMORY, "", "out of memory", "");
   } catch (const std::system_error& error) {
-    // What the C++ library throws where no further thread can be started; pybind11 passes all others on.
+    // The C++ library throws this error code if no further thread can be started. pybind11 handles all other codes.
     if (error.code() != std::errc::resource_unavailable_try_again) throw;
     raise_error(short_of_threads(1, 0));
   }

@@ -1,4 +1,4 @@
-// What is written once, in C++, and read by the Python package, its training, its tests and its documents.
+// Facts that are written once, in C++. The Python package, its training, its tests and its documents read them from here.
 #include <pybind11/native_enum.h>
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -61,7 +61,7 @@ void bind_numbers(py::module_& m) {
   m.attr("upsampling_metadata") = text_of(upsampling);
 }
 
-// One row of the table a cause: its measure, which side of the limits is bad, the limits, what it means, what to do.
+// The table of causes, one row per cause: its measure, which side of the limits is bad, the limits, the meaning and the remedy.
 void bind_causes(py::module_& m) {
   py::dict facts;
   for (const CauseFact& f : cause_facts) {

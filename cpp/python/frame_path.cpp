@@ -25,7 +25,7 @@ FramePair pair_of(const py::array& left, const py::array& right, ChannelOrder co
   return pair;
 }
 
-// Lines about frames go to a logger that is silent until the host sets logging up.
+// Lines about frames go to a logger that is silent until the host configures logging.
 constexpr char frame_logger[] = "endosdk.frames";
 constexpr char rig_logger[] = "endosdk.rigs";
 
@@ -37,23 +37,23 @@ void log_line(void*, int32_t level, const char* message) {
     const char* method = level == ENDO_LOG_ERROR ? "error" : level == ENDO_LOG_WARNING ? "warning" : "info";
     logger.attr(method)("%s", message);
   } catch (py::error_already_set& error) {
-    error.discard_as_unraisable(logger_name);  // the line is lost; what it tells of is not
+    error.discard_as_unraisable(logger_name);  // only the line is lost, not the result
   }
 }
 
 py::array_t<uint8_t> new_picture(Size size) { return py::array_t<uint8_t>({size.height, size.width, 3}); }
 
-// A stream with the maps of the frames in flight, which must outlive them.
+// A stream, and the maps of its frames in flight. The maps must outlive these frames.
 class PythonStream {
  public:
   PythonStream(std::unique_ptr<Stream> stream, ChannelOrder order) : stream_(std::move(stream)), order_(order) {}
 
   ~PythonStream() {
     if (!stream_->process().is_this()) {
-      static_cast<void>(stream_.release());  // in a forked child its locks have owners that are not there
+      static_cast<void>(stream_.release());  // in a forked child, the threads that hold its locks do not exist
       return;
     }
-    const py::gil_scoped_release release;  // threads that are to end may need it
+    const py::gil_scoped_release release;  // threads may need the GIL to end
     stream_->close();
   }
 
@@ -118,7 +118,7 @@ class PythonStream {
   std::deque<py::object> in_flight_;
 };
 
-// Checked settings, made before a model is read.
+// Settings. They are checked before a model is read.
 struct PythonSettings {
   ChannelOrder order;
   FramePathSettings rest;
@@ -139,7 +139,7 @@ struct PythonSettings {
   }
 };
 
-// What belongs to one DepthEstimator.
+// The core's part of one DepthEstimator.
 class PythonFramePath {
  public:
   PythonFramePath(py::object session, const PythonSettings& settings)
@@ -147,7 +147,7 @@ class PythonFramePath {
         path_(std::make_shared<FramePath>(std::make_shared<PythonSession>(std::move(session)), settings.rest)) {}
 
   ~PythonFramePath() {
-    // A forked child must not free it: the runtime would wait for threads that are its parent's.
+    // A forked child must not free the frame path: the runtime would wait for threads that exist only in the parent.
     if (!path_->process().is_this()) static_cast<void>(new std::shared_ptr<FramePath>(path_));
   }
   PythonFramePath(const PythonFramePath&) = delete;
@@ -225,7 +225,7 @@ py::tuple rectified_views(const py::array& left, const py::array& right, const R
   return py::make_tuple(out_left, out_right);
 }
 
-// Measures by cause, of those that are picked.
+// Measures of the causes for which `pick` is true.
 py::dict measures_of(const Causes& causes, bool (Causes::*pick)(Cause) const) {
   py::dict measures;
   for (const CauseFact& fact : cause_facts) {
@@ -289,8 +289,8 @@ void bind_stream(py::module_& m) {
 
 }  // namespace
 
-// No lock of the core is waited for with the GIL in hand: who holds it may be waiting for the GIL, to run the network or to
-// free what Python owns.
+// Calls release the GIL before they wait for a lock of the core. The thread that holds this lock may be waiting for the GIL, to
+// run the network or to free Python objects.
 void bind_frame_path(py::module_& m) {
   using py::arg;
   using Path = PythonFramePath;

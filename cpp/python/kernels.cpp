@@ -1,4 +1,4 @@
-// The kernels and stages one by one, for tests and studies: arrays are checked, the GIL is released, the core is called.
+// Single kernels and stages, for tests and studies. Each function checks its arrays, releases the GIL and calls the core.
 #include <algorithm>
 #include <string>
 #include <tuple>
@@ -128,7 +128,7 @@ struct Pair {
 void rectify_arrays(const Rectifier& rectifier, const py::array& left, const py::array& right, py::array& out_left,
                     py::array& out_right, const std::string& order) {
   const Pair pair(left, right, out_left, out_right, order);
-  thread_local RectifyScratch scratch;  // a rectifier may serve several threads
+  thread_local RectifyScratch scratch;  // per thread, because a rectifier may serve several threads
   const py::gil_scoped_release release;
   rectifier.rectify(pair.left, pair.right, pair.out_left, pair.out_right, pair.order, scratch);
 }
@@ -159,13 +159,13 @@ void resize_arrays(const py::array& source, py::array& out, double scale_y, doub
   resize_bilinear(from, to, {scale_y, scale_x}, gain);
 }
 
-// A field of a call's arguments, or what stands for it.
+// A field of a call's arguments, or `otherwise` if it is missing.
 template <typename Value>
 Value field(const py::dict& fields, const char* name, Value otherwise) {
   return fields.contains(name) ? py::cast<Value>(fields[name]) : otherwise;
 }
 
-// Nothing that a caller writes is dropped.
+// Refuses unknown names, so that no argument of the caller is ignored.
 void check_names(const py::dict& fields, const char* argument, std::initializer_list<const char*> known) {
   for (const auto& item : fields) {
     const auto name = py::cast<std::string>(item.first);
@@ -201,7 +201,7 @@ py::tuple output_maps(const py::dict& fields) {
   return maps;
 }
 
-// The stage by itself, for tests and studies; the frame path fills the same structs.
+// The post-processing stage alone, for tests and studies. The frame path fills the same structs.
 int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
   check_names(fields, "fields",
               {"disparity", "confidence", "scale", "view_scale", "gain", "reach", "min_confidence", "max_candidate_disparity",
@@ -239,11 +239,11 @@ int postprocess_arrays(const py::dict& fields, const py::dict& outputs) {
     in.pattern = {pattern[0], pattern[1], pattern[2], pattern[3], pattern[4], true};
   }
   const py::gil_scoped_release release;
-  thread_local PostprocessScratch scratch;  // kept from call to call, as a frame path keeps its own
+  thread_local PostprocessScratch scratch;  // kept between calls, as in a frame path
   return postprocess(in, maps, scratch);
 }
 
-// One frame through a temporal filter; disparity is filtered in place.
+// Applies a temporal filter to one frame. The disparity is filtered in place.
 void smooth_arrays(TemporalFilter& filter, const py::array& left, std::pair<int, int> picture, py::array disparity,
                    const py::array& confidence, double cells_per_pixel) {
   const OptionalArray view = left;
@@ -257,7 +257,8 @@ void smooth_arrays(TemporalFilter& filter, const py::array& left, std::pair<int,
   filter.smooth({planes, {picture.first, picture.second}, filtered, trusted, {cells_per_pixel, cells_per_pixel}});
 }
 
-// What is left across the rows of a matched pair, for tests: values, covariance, vertical disparity and its error.
+// The pose error from the vertical disparity of a matched pair, for tests: values, covariance, vertical disparity and its
+// error.
 py::object rig_error_of(const py::array& disparity, const py::array& confidence, const py::array& left, const py::array& right,
                         std::pair<int, int> picture, std::pair<double, double> frame, const std::array<double, 5>& pattern) {
   const FloatView found = float_view<float>(disparity, "disparity");
@@ -271,7 +272,8 @@ py::object rig_error_of(const py::array& disparity, const py::array& confidence,
   return pose_tuple(rows.measure(matched, sure, grid, {frame.second, frame.first}, shape));
 }
 
-// Patches of a pair looked for without the network, for tests: what exchanging the views gains, and rows of brightness.
+// Coarse matching of a pair without the network, for tests: the gain in correlation from swapping the views, and the rows of
+// brightness by which matches lie lower.
 std::pair<double, double> coarse_match_of(const py::array& left, const py::array& right, std::pair<int, int> picture) {
   const PlanarView views[] = {read_only_planes(left, "left"), read_only_planes(right, "right")};
   const float nowhere = 0.0f;
@@ -304,7 +306,7 @@ void bind_settings(py::module_& m) {
         "Raise OutOfMemory unless the system can start so many further threads at a time.");
 }
 
-// A rule for so many numbers, as Python calls it.
+// A check of `Count` numbers, in the form in which Python calls it.
 template <size_t Count>
 auto check_of(void (*check)(const double* values, const char* argument)) {
   return [check](const Doubles& values, const std::string& name) { check(numbers<Count>(values, name.c_str()).data(), name.c_str()); };

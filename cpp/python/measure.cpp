@@ -1,4 +1,4 @@
-// Measuring as functions of arrays.
+// Measuring, as Python functions of arrays.
 #include <tuple>
 #include <vector>
 
@@ -11,10 +11,10 @@
 namespace endosdk {
 namespace {
 
-// focal lengths along x and y, principal point
+// Focal lengths along x and y, and principal point.
 using CameraNumbers = std::tuple<double, double, double, double>;
 
-// The maps of one frame, which must outlive what is measured in them.
+// The maps of one frame. The arrays must live until the measurement is done.
 MeasuredMaps maps_of(const py::array& depth, const py::array& sigma, const py::array& reasons, const CameraNumbers& camera) {
   const FloatView seen = float_view<float>(depth, "depth");
   MeasuredMaps maps;

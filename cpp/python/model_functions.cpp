@@ -1,4 +1,4 @@
-// The functions of model files: for onnxruntime, which finds them by a name of its own, and one by one for tests.
+// The functions of model files: for onnxruntime, which finds them through RegisterCustomOps, and one by one for tests.
 #include <algorithm>
 #include <map>
 #include <string>
@@ -11,7 +11,7 @@
 #include "functions/runtime_table.hpp"
 #include "platform/threads.hpp"
 
-// Called by SessionOptions.register_custom_ops_library, with the runtime's own types.
+// SessionOptions.register_custom_ops_library calls this function, with the runtime's own types.
 extern "C" PYBIND11_EXPORT void* ENDOSDK_ORT_CALL RegisterCustomOps(void* options, const endosdk::runtime_table::ApiBase* base);
 
 void* ENDOSDK_ORT_CALL RegisterCustomOps(void* options, const endosdk::runtime_table::ApiBase* base) {
@@ -21,7 +21,7 @@ void* ENDOSDK_ORT_CALL RegisterCustomOps(void* options, const endosdk::runtime_t
 namespace endosdk {
 namespace {
 
-// A call with arrays.
+// A call of a function with NumPy arrays.
 class ArrayCall : public FunctionCall {
  public:
   ArrayCall(const FunctionKind& kind, const std::vector<py::array>& inputs) : kind_(kind) {

@@ -1,4 +1,4 @@
-// The Python module endosdk._core: its table of contents.
+// The Python module endosdk._core: the list of its parts.
 #include "bindings.hpp"
 
 PYBIND11_MODULE(_core, m) {

@@ -11,7 +11,7 @@ namespace py = pybind11;
 namespace endosdk {
 namespace {
 
-// An array over memory of the frame path, which outlives it.
+// An array over memory of the frame path. This memory outlives the array.
 template <typename Value>
 py::array_t<Value> array_over(Value* data, std::vector<py::ssize_t> shape) {
   return py::array_t<Value>(std::move(shape), data, py::capsule(data, [](void*) {}));

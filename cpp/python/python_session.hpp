@@ -1,4 +1,4 @@
-// A session that Python brings: the GIL is held while its methods are called, and at no other time.
+// A session that is implemented in Python. The GIL is held only while its methods are called.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -9,9 +9,10 @@
 
 namespace endosdk {
 
-// The object has `metadata`, `sha256`, `provider`, `provider_options`, `runtime_version`, `runtime_library`, `runtime_sha256` and `telemetry_on`; `bind(left,
-// right, disparity, confidence)` with arrays over the frame path's memory, which returns an object with `run`, `stop` and
-// `resume`; and `for_size(height, width)` and `for_one_thread_each()`, which return another session or None.
+// The Python object has the attributes `metadata`, `sha256`, `provider`, `provider_options`, `runtime_version`,
+// `runtime_library`, `runtime_sha256` and `telemetry_on`. Its method `bind(left, right, disparity, confidence)` gets arrays
+// over the memory of the frame path, and returns an object with `run`, `stop` and `resume`. Its methods `for_size(height,
+// width)` and `for_one_thread_each()` return another session or None.
 class PythonSession : public Session {
  public:
   explicit PythonSession(pybind11::object session);

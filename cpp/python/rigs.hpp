@@ -1,4 +1,4 @@
-// A rig as Python hands it over.
+// A rig, in the form in which Python passes it.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +10,8 @@
 
 namespace endosdk {
 
-// model, width, height, matrix and distortion of the left camera and of the right one, rotation, translation, field of view
-// of the left camera and of the right one
+// Model, width, height, matrix and distortion of the left camera, then of the right one, rotation, translation, field of view
+// of the left camera, then of the right one.
 using RigNumbers = std::tuple<std::string, int, int, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles>;
 
 inline Rig rig_of(const RigNumbers& given) {

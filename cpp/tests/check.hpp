@@ -1,4 +1,4 @@
-// A test is a function; CHECK ends the program with the place and the condition that failed.
+// A test is a function. If its condition fails, CHECK prints the place and the condition, and ends the program.
 #pragma once
 
 #include <cstdio>
@@ -14,7 +14,7 @@
     }                                                                             \
   } while (false)
 
-// The text of the error that `call` throws; empty if it throws none.
+// The text of the error that `call` throws; empty if it does not throw.
 template <typename Call>
 std::string rejection(Call call) {
   try {

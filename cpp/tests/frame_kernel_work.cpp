@@ -1,4 +1,4 @@
-// Rows for the kernels of the frame path.
+// Test rows for the kernels of the frame path.
 #include <cmath>
 #include <vector>
 
@@ -8,10 +8,10 @@
 namespace endosdk {
 namespace {
 
-constexpr int width = 331;  // no multiple of any vector
+constexpr int width = 331;  // not a multiple of the length of any vector
 constexpr int height = 24;
 
-// `wander` in pixels: how far neighbours in the output lie apart in the source.
+// `wander`, in pixels, is how far apart neighbours of the output lie in the source.
 void remap(Output& out, int channels, uint32_t wander) {
   const std::vector<uint8_t> image = bytes(static_cast<size_t>(width * height * channels));
   std::vector<uint32_t> corner(width);
@@ -189,7 +189,7 @@ void motion(Output& out) {
   }
 }
 
-// What is left across the rows, and the fit that explains it.
+// The vertical disparity, and the fit that explains it.
 void rig(Output& out) {
   constexpr int cells = width / 2;
   constexpr int windows = (cells - 1) / 2;

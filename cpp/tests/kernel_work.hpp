@@ -1,4 +1,4 @@
-// Work for kernels on pseudo-random rows, and what they make of it.
+// Work for kernels on pseudo-random rows, and their outputs.
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,7 @@
 
 namespace endosdk {
 
-// What a kernel wrote. Processors differ in the sign of what is no number, which means nothing.
+// The output of a kernel. Every NaN is replaced by the same one, because its sign differs between processors and means nothing.
 class Output {
  public:
   void add(const std::vector<uint8_t>& values) { content_.append(values.begin(), values.end()); }
@@ -30,11 +30,11 @@ class Output {
 
 using Works = std::map<std::string, std::function<void(Output&)>>;
 
-// Those of the frame path, and of the functions of model files.
+// The works for the kernels of the frame path, and for those of the functions of model files.
 const Works& frame_works();
 const Works& network_works();
 
-// Pseudo-random numbers, the same ones from each start.
+// Pseudo-random numbers. They are the same after each start.
 struct Draws {
   uint32_t state = 1;
 
@@ -42,7 +42,7 @@ struct Draws {
 };
 
 inline Draws draws;
-inline int repeats = 1;  // of each row
+inline int repeats = 1;  // how often each row is computed
 
 inline float draw_float(float low, float high) {
   return low + (high - low) * static_cast<float>(draws.next() >> 8) * (1.0f / static_cast<float>(1 << 24));
@@ -60,7 +60,7 @@ inline std::vector<float> floats(size_t count, float low, float high) {
   return values;
 }
 
-// Kernels read nothing that they have written, so a row may be computed again.
+// Kernels do not read their outputs, so a row may be computed several times.
 template <typename Kernel>
 void compute(const Kernel& kernel) {
   for (int i = 0; i < repeats; ++i) kernel();

@@ -1,4 +1,4 @@
-// Rows for the kernels behind the functions of model files: one of each width, or so many cells.
+// Test rows for the kernels behind the functions of model files. Rows have several widths or numbers of cells.
 #include <tuple>
 #include <utility>
 #include <vector>

@@ -1,4 +1,4 @@
-// Geometry from C++: a rig with a known answer, and what is refused.
+// Tests the geometry in C++: a rig with a known result, and inputs that must be refused.
 #include <cmath>
 #include <limits>
 

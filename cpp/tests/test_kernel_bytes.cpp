@@ -1,8 +1,8 @@
-// Every kernel on pseudo-random rows: all sets of this processor must give the same bytes, and so must other processors,
-// which is what the printed hashes are for.
+// Runs every kernel on pseudo-random rows. All sets of this processor must give the same bytes. So must other processors:
+// compare the printed hashes.
 //
 //     test_kernel_bytes                      check, and print a hash for each kernel
-//     test_kernel_bytes SET KERNEL REPEATS   compute each row so often, for counting the instructions of the kernel alone
+//     test_kernel_bytes SET KERNEL REPEATS   compute each row REPEATS times, to count the instructions of one kernel
 #include <cstdio>
 #include <cstdlib>
 #include <functional>

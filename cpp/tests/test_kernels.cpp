@@ -1,5 +1,5 @@
-// Every kernel on buffers of exactly the size it may touch, in every instruction set. The address sanitizer turns a
-// byte too many into a failure; without it the test still compares the sets with each other.
+// Runs every kernel, in every instruction set, on buffers of exactly the size that it may touch. With the address sanitizer, an
+// access outside fails. Without it, the test still compares the sets with each other.
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -45,7 +45,7 @@ ViewGeometry view(int width, int height, double angle) {
   return v;
 }
 
-// The last row of a strided image ends with its last pixel: whatever lies beyond is not the caller's.
+// The last row of a strided image ends with its last pixel. The memory after it does not belong to the image.
 ImageView strided(const Bytes& memory, int width, int height, int channels, int gap) {
   const ptrdiff_t stride = width * channels + gap;
   CHECK(memory.size == static_cast<size_t>(stride * (height - 1) + width * channels));

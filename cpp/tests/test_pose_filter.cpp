@@ -1,4 +1,4 @@
-// What the measured turns of a rig are taken for: chance, drift, or a correction.
+// Tests whether measured rotations of a rig count as chance, as drift, or lead to a correction.
 #include <cmath>
 
 #include "check.hpp"
@@ -10,7 +10,7 @@ namespace {
 
 constexpr double degree = 1.0 / degrees_per_radian;
 
-// Turns about x, y and z with their standard errors, degrees.
+// Rotations about x, y and z, with their standard errors, degrees.
 PoseError error_of(const std::array<double, 3>& turns, const std::array<double, 3>& standard_errors) {
   PoseError error;
   error.measured = true;
@@ -21,7 +21,7 @@ PoseError error_of(const std::array<double, 3>& turns, const std::array<double, 
   return error;
 }
 
-// A picture may hardly show the turn about y: what it says there must not hide a turn about x.
+// A picture may tell little about the rotation about y. This must not hide a rotation about x.
 void test_an_uncertain_axis_hides_no_other() {
   const PoseError error = error_of({-0.28, -0.64, 0.07}, {0.025, 0.33, 0.04});
   const PoseVector certain = error.certain_turns();
@@ -32,7 +32,7 @@ void test_an_uncertain_axis_hides_no_other() {
 
 void test_chance_is_no_drift() {
   CHECK(!has_drifted(error_of({0.3, -0.6, 0.2}, {0.1, 0.3, 0.1})));
-  CHECK(!has_drifted(error_of({0.05, 0.0, 0.0}, {0.001, 0.001, 0.001})));  // certain, and too small to matter
+  CHECK(!has_drifted(error_of({0.05, 0.0, 0.0}, {0.001, 0.001, 0.001})));  // certain, but too small to matter
   CHECK(!has_drifted(PoseError()));
 }
 

@@ -1,5 +1,5 @@
-// The pool under several callers that want different numbers of threads: for the thread sanitizer, and for answers that
-// must add up.
+// Tests the pool with several callers that want different numbers of threads. The sums must be right, and the thread sanitizer
+// must find nothing.
 #include <atomic>
 #include <new>
 #include <thread>
@@ -35,7 +35,7 @@ void test_worker_limit() {
   }
 }
 
-// The caller's own work, loops of its own in it, beside a loop whose blocks others may have begun.
+// The caller does its own work, with loops in it, while other threads may already run blocks of the loop beside it.
 void test_work_beside_a_loop() {
   for (const int threads : {1, 2, 4}) {
     set_thread_count(threads);
@@ -98,7 +98,7 @@ void test_each_thread_has_its_own_count() {
   CHECK(thread_count() == 3);
 }
 
-// Which thread throws must make no difference to the caller, who may be one of them.
+// The caller must get the exception, whichever thread throws it. The caller may be this thread.
 void test_what_a_body_throws_reaches_the_caller() {
   constexpr int threads = 3;
   set_thread_count(threads);
@@ -109,7 +109,7 @@ void test_what_a_body_throws_reaches_the_caller() {
       const auto body = [&](int, int, int worker) {
         const std::vector<int> held(100, worker);  // must be freed
         ++inside;
-        while (thrower >= 0 && worker != thrower && !over) std::this_thread::yield();  // leaves it to that one
+        while (thrower >= 0 && worker != thrower && !over) std::this_thread::yield();  // waits for the thrower
         --inside;
         if (thrower < 0 || worker == thrower) {
           over = true;

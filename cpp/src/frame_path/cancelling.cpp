@@ -6,7 +6,7 @@
 
 namespace endosdk {
 
-// The time in which a run of the network can be stopped.
+// While this object lives, the run of the network can be stopped.
 class Work::Running {
  public:
   Running(Work& work, Session::Run& run) : work_(work) {
@@ -48,7 +48,7 @@ void Work::run(Session::Run& run) {
     const Running running(*this, run);
     run();
   } catch (...) {
-    check();  // a run that was stopped fails
+    check();  // a stopped run fails; then this throws CANCELLED instead
     throw;
   }
   check();

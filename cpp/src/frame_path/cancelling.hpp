@@ -1,4 +1,4 @@
-// Calls in work, and the one that ends them early.
+// Running calls, and the call that cancels them.
 #pragma once
 
 #include <mutex>
@@ -10,7 +10,7 @@ namespace endosdk {
 
 class Cancelling;
 
-// One call in work, for as long as the object lives.
+// One running call. The call lasts as long as this object lives.
 class Work {
  public:
   explicit Work(Cancelling& owner);
@@ -18,10 +18,10 @@ class Work {
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
 
-  // Throws CANCELLED once the call was cancelled.
+  // Throws CANCELLED if the call was cancelled.
   void check() const;
 
-  // Runs the network; a cancel that comes meanwhile stops it.
+  // Runs the network. If the call is cancelled meanwhile, the run is stopped.
   void run(Session::Run& run);
 
  private:
@@ -29,7 +29,7 @@ class Work {
   class Running;
 
   Cancelling& owner_;
-  bool cancelled_ = false;        // guarded by the owner's mutex, like the next
+  bool cancelled_ = false;        // guarded by the owner's mutex, like `run_`
   Session::Run* run_ = nullptr;
 };
 
@@ -37,12 +37,12 @@ class Cancelling {
  public:
   Cancelling() { works_.reserve(expected_calls); }
 
-  // Cancels what is in work now, from any thread. Calls that begin later are not concerned.
+  // Cancels all calls that are running now, from any thread. Calls that begin later are not affected.
   void cancel_all();
 
  private:
   friend class Work;
-  static constexpr size_t expected_calls = 1024;  // so that a frame allocates nothing here
+  static constexpr size_t expected_calls = 1024;  // reserved, so that a frame allocates nothing here
 
   std::mutex mutex_;
   std::vector<Work*> works_;

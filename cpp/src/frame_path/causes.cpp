@@ -13,7 +13,7 @@ constexpr bool numbers_are_places() {
 }
 static_assert(numbers_are_places());
 
-// False for what is no number, on either side.
+// False for NaN, whichever side is bad.
 bool beyond(double measure, double limit, Bad bad) { return bad == Bad::high ? measure >= limit : measure < limit; }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// What is wrong with a frame: one stable list of causes, a measure for each, and the table from which the frame's status
-// follows. The numbers are those of the public header.
+// The causes that say what is wrong with a frame: one stable list, a measure for each cause, and the table from which the
+// frame's status follows. The numbers are those of the public header.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace endosdk {
 
-// Numbers are shared with C and Python and never change.
+// The numbers are shared with C and Python, and never change.
 enum class Quality : int { ok = ENDO_QUALITY_OK, degraded = ENDO_QUALITY_DEGRADED, invalid = ENDO_QUALITY_INVALID };
 
 enum class Cause : int {
@@ -37,7 +37,7 @@ enum class Cause : int {
 
 constexpr int cause_count = 16;
 
-// Room for measures in the C result, for causes of later releases.
+// Number of measures that fit in the C result; it has room for causes of later releases.
 constexpr int most_causes = ENDO_MOST_CAUSES;
 
 constexpr double never = std::numeric_limits<double>::quiet_NaN();
@@ -47,10 +47,10 @@ enum class Bad { high, low };
 struct CauseFact {
   Cause cause;
   const char* name;
-  const char* measure;  // what the number counts, and in which unit
+  const char* measure;  // what the measure is, and its unit
   Bad bad;              // which side of the limits is bad
   double degraded;      // the measure from which the frame is degraded
-  double invalid;       // the measure from which it must not be used; `never`: it may always be
+  double invalid;       // the measure from which the frame must not be used; `never`: this cause never makes it invalid
   const char* meaning;
   const char* remedy;
 };
@@ -92,7 +92,7 @@ constexpr CauseFact cause_facts[] = {
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);
 
-// The causes of one frame. What was not measured is no number, and raises nothing.
+// The causes of one frame. A cause that was not measured has the measure NaN, and is not raised.
 class Causes {
  public:
   Causes() { measures_.fill(std::numeric_limits<double>::quiet_NaN()); }
@@ -101,11 +101,11 @@ class Causes {
   double measure(Cause cause) const { return measures_[index(cause)]; }
   bool measured(Cause cause) const { return measure(cause) == measure(cause); }
 
-  // What the table says of this cause alone: ok where it is not raised.
+  // The status that the table gives for this cause alone; ok if it is not raised.
   Quality level(Cause cause) const;
   bool raised(Cause cause) const { return level(cause) != Quality::ok; }
 
-  // The raised ones, bit 1 << number.
+  // The raised causes, each as bit 1 << number.
   uint64_t bits() const;
 
   // The worst level of all.
@@ -117,7 +117,7 @@ class Causes {
   std::array<double, cause_count> measures_;
 };
 
-// The fact of a number that C or Python gives; null for others.
+// The row of the table for a number from C or Python; null if there is no such cause.
 const CauseFact* fact_of(int cause);
 
 }  // namespace endosdk

@@ -1,4 +1,4 @@
-// What a frame path counts over its life. It has a lock of its own: reports do not wait for frames.
+// Counts that a frame path keeps over its life. They have their own lock, so that reports do not wait for frames.
 #pragma once
 
 #include <array>
@@ -18,8 +18,8 @@ class Counters {
 
   struct Snapshot {
     uint64_t frames, failed, late;
-    std::array<uint64_t, cause_count> causes;  // frames that each was raised for
-    double rectify_ms, session_ms, postprocess_ms, trust_ms;  // means of all frames
+    std::array<uint64_t, cause_count> causes;  // number of frames for which each cause was raised
+    double rectify_ms, session_ms, postprocess_ms, trust_ms;  // means over all frames
     double p50_ms, p95_ms, p99_ms, longest_ms;
   };
   Snapshot snapshot() const;
@@ -30,7 +30,7 @@ class Counters {
   uint64_t late_ = 0;
   std::array<uint64_t, cause_count> causes_{};
   uint64_t failed_ = 0;
-  double rectify_ms_ = 0.0, session_ms_ = 0.0, postprocess_ms_ = 0.0, trust_ms_ = 0.0;  // of all frames together
+  double rectify_ms_ = 0.0, session_ms_ = 0.0, postprocess_ms_ = 0.0, trust_ms_ = 0.0;  // sums over all frames
 };
 
 }  // namespace endosdk

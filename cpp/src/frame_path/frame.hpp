@@ -1,4 +1,4 @@
-// One frame on its way: what goes in, and what is said of it besides its maps.
+// One frame: its input, and the report that comes with its maps.
 #pragma once
 
 #include <chrono>
@@ -23,7 +23,7 @@ struct FramePair {
   ImageView left;
   ImageView right;
   ChannelOrder order = ChannelOrder::rgb;
-  int64_t stamp_ns = 0;  // of `Clock`, when the pair was taken; 0: not known
+  int64_t stamp_ns = 0;  // time of `Clock` at which the pair was taken; 0: not known
 
   Size size() const { return left.size(); }
 };
@@ -32,31 +32,31 @@ inline int64_t now_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
 }
 
-// Refuses frames of no size, and those too large for their bytes to be counted.
+// Throws for frames without pixels, and for frames with too many bytes to count.
 void check_frame_size(Size size, const char* argument);
 
-// Refuses what is no pair of pictures of one size and format.
+// Throws unless both pictures have the same size and format.
 void check_pair(const FramePair& pair);
 
 struct FrameReport {
   uint64_t frame = 0;  // counts the frames of a frame path from 1
   double valid_share = 0.0;
-  Causes causes;                       // what is wrong with the pair
-  Quality quality = Quality::invalid;  // follows from them
+  Causes causes;                       // causes of the pair, with their measures
+  Quality quality = Quality::invalid;  // follows from the causes
   bool calibrated = false;
-  PoseError pose;     // how far the rig stands from its calibration; without one only the vertical disparity
-  PoseError steady;   // the same over the frames so far, corrections not counted
-  PoseVector corrected{};  // what the rectification of this frame made up for
+  PoseError pose;     // how far the rig is from its calibration; without a calibration only the vertical disparity
+  PoseError steady;   // the same, averaged over the frames so far, without corrections
+  PoseVector corrected{};  // pose error that the rectification of this frame corrected
   double rectify_ms = 0.0;
   double session_ms = 0.0;
   double postprocess_ms = 0.0;
-  double trust_ms = 0.0;  // of these, and after them: what it took to find out whether the answer can be trusted
-  double total_ms = 0.0;  // from the call to the answer, waiting included
+  double trust_ms = 0.0;  // time to find out whether the result can be trusted, within the times above and after them
+  double total_ms = 0.0;  // from the call to the result, including waiting
   bool late = false;
-  int64_t stamp_ns = 0;  // of the pair
-  double age_ms = never;  // of the pair when the answer was handed out; not a number where the stamp is not known
+  int64_t stamp_ns = 0;  // time at which the pair was taken
+  double age_ms = never;  // age of the pair when the result was returned; NaN if the stamp is not known
   std::shared_ptr<const Identity> identity;
-  Prints prints;  // of both frames, as they came
+  Prints prints;  // of both input frames
 };
 
 }  // namespace endosdk

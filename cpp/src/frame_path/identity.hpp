@@ -1,4 +1,4 @@
-// What a result was computed with and by: for the file of a device, and to tell results apart later.
+// Software, model, rig and machine that computed a result: for the records of a device, and to tell results apart later.
 #pragma once
 
 #include <string>
@@ -16,7 +16,7 @@ struct Identity {
   std::string calibration_sha256;  // empty without a calibration
   std::string runtime;             // version of ONNX Runtime
   std::string runtime_sha256;      // of its library's file
-  std::string provider;            // what computes the network, by the runtime's own name
+  std::string provider;            // provider that computes the network, by the runtime's own name
   std::string device;              // the processor of this machine
 };
 

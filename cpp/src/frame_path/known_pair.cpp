@@ -14,7 +14,8 @@ int lattice(uint32_t x, uint32_t y, uint32_t channel) {
   return static_cast<int>((h ^ h >> 15) & 255u);
 }
 
-// The lattice of this cell size, blended between its points; whole numbers, so that every machine sees the same picture.
+// Interpolates between the points of a lattice with this cell size. It uses whole numbers, so that every machine makes the same
+// picture.
 int blotch(int x, int y, int cell, int channel) {
   const auto at = [&](int i, int j) {
     return lattice(static_cast<uint32_t>(x / cell + i), static_cast<uint32_t>(y / cell + j),
@@ -27,7 +28,8 @@ int blotch(int x, int y, int cell, int channel) {
   return (upper * (cell - v) + lower * v) / (cell * cell);
 }
 
-// A plane that faces the cameras, textured like tissue: blotches over fine grain. Its point x, y comes first.
+// A picture of a plane that faces the cameras, with a texture like tissue: blotches over fine grain. Its first pixel shows
+// point (first_x, first_y) of the plane.
 std::vector<uint8_t> picture_of_plane(Size size, int first_x, int first_y) {
   std::vector<uint8_t> pixels;
   pixels.reserve(rgb_bytes(size));

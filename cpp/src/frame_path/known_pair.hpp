@@ -1,4 +1,4 @@
-// A pair of pictures that no camera took, of a plane whose disparity and depth are known, and the rig that would see it.
+// A synthetic pair of pictures of a plane with known disparity and depth, and the rig that would see it.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@ namespace endosdk {
 
 class KnownPair {
  public:
-  // The plane is `shift` pixels further left in the right frame. That camera also looks some rows higher, so that no row of it
-  // has its match before the pair was rectified.
+  // The plane is `shift` pixels further left in the right frame. The right camera also looks some rows higher, so that rows
+  // match only after rectification.
   KnownPair(Size size, int shift);
 
   Size size() const { return rig_.size(); }
@@ -21,7 +21,7 @@ class KnownPair {
 
   double depth_mm() const { return depth_mm_; }
 
-  // Of the plane at this depth, once the pair is rectified.
+  // Disparity of a plane at this depth, in the rectified pair.
   double disparity_px(double depth_mm) const;
 
  private:

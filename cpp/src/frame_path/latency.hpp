@@ -1,4 +1,4 @@
-// How long frames took, kept in a fixed amount of memory for as many frames as there may be.
+// The distribution of frame times, in a fixed amount of memory for any number of frames.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ class LatencyHistogram {
   uint64_t count() const { return count_; }
   double longest_ms() const { return longest_ms_; }
 
-  // The time that this share of the frames stayed below, at most 3 % too high; 0 when there are none.
+  // The time below which this share of the frames stayed. It is at most 3 % too high, and 0 if there are no frames.
   double quantile_ms(double share) const;
 
  private:

@@ -5,10 +5,10 @@
 
 namespace endosdk {
 
-// A model that names its inference width sees every frame that wide, smaller ones enlarged: surfaces then have the size and
-// the disparities that it learned from. For the others, frames up to 960 px wide are seen as they are; a wider frame of
-// the same scene has larger disparities, which would lie beyond their range, and is seen at a width of 720 px.
-// `inference_width` is 0 when the model names none.
+// A model with an inference width sees every frame at this width; smaller frames are enlarged. So surfaces have the size and
+// the disparities that the model learned from. Other models see frames up to 960 px wide unchanged. Wider frames of the same
+// scene have larger disparities, beyond the range of the model, so such a model sees them at a width of 720 px.
+// `inference_width` is 0 if the model names none.
 Size network_size_of(Size frame, int inference_width);
 
 }  // namespace endosdk

@@ -11,7 +11,8 @@ void RigWatch::add(FrameReport& report, Slot& slot) {
   const std::optional<double> motion = simultaneity_.motion_between(slot.brightness(), row_px, report.pose);
   if (motion) report.causes.set(Cause::not_simultaneous, *motion);
   if (report.causes.raised(Cause::not_simultaneous)) {
-    // What looks like a turn comes from the motion. A cause for which the answer was withdrawn stays: the status follows from it.
+    // The apparent rotation comes from the motion, so its causes are removed. A cause that made the frame invalid stays,
+    // because the status follows from it.
     for (const Cause turned : {Cause::rig_moved, Cause::not_rectified}) {
       if (report.causes.level(turned) != Quality::invalid) report.causes.set(turned, never);
     }

@@ -1,5 +1,5 @@
-// What the frames of one source tell together of the rig that took them: its turn, whether its views are of one moment, and
-// whether they repeat.
+// Watches a rig over the frames of one source: its rotation, whether both views are taken at the same time, and whether frames
+// repeat.
 #pragma once
 
 #include "frame_path/frame.hpp"
@@ -12,13 +12,13 @@ namespace endosdk {
 
 class RigWatch {
  public:
-  // Reserves what it needs for frames of the slot's size.
+  // Reserves memory for frames of the slot's size.
   void make_room(Slot& slot) { simultaneity_.make_room(slot.brightness()); }
 
-  // Takes the frames in their order, and completes their reports.
+  // Takes the next frame, and completes its report. Frames must come in their order.
   void add(FrameReport& report, Slot& slot);
 
-  // Frames whose turn was measured since the start.
+  // Number of frames since the start whose rotation was measured.
   int frames() const { return pose_.frames(); }
 
  private:

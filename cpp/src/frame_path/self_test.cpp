@@ -13,10 +13,10 @@
 namespace endosdk {
 namespace {
 
-// What must be right of the part of the plane that both views show.
+// Least share that must be right, of the part of the plane that both views show.
 constexpr double least_share = 0.5;
 
-// Whatever a model thinks of its answer: what it answers is compared with the truth.
+// Limits that accept every answer, whatever its confidence, because the test compares the answers with the truth.
 constexpr Limits every_answer = {0.0, 0.0, std::numeric_limits<double>::infinity(), 0.1};
 
 template <typename Rule, typename Seen>
@@ -28,7 +28,7 @@ void require_share(double share, const char* what, const char* rule) {
   require_answer(share >= least_share, what, rule, Text(100.0 * share, " %"));
 }
 
-// The map of a rig that needs no rectification moves no pixel, so it must give the very bytes of repacking.
+// The map of a rectified rig moves no pixel, so rectification must give the same bytes as repacking.
 void check_rectifier(const FramePair& pair) {
   const Size size = pair.size();
   const size_t bytes = rgb_bytes(size);
@@ -43,7 +43,7 @@ void check_rectifier(const FramePair& pair) {
   require_answer(packed == rectified, "self test: rectify", "must leave a rectified picture as it is", "other bytes");
 }
 
-// What is said of one frame, its maps in memory of their own.
+// The report and the maps of one frame.
 struct Answer {
   FrameReport report;
   std::vector<float> disparity, confidence, depth, sigma;
@@ -53,7 +53,7 @@ struct Answer {
 
   MapsOut maps() { return {disparity.data(), confidence.data(), depth.data(), sigma.data(), reasons.data(), nullptr, nullptr}; }
 
-  // By their bytes: no number is what a pixel without depth holds.
+  // Compares the bytes, because pixels without depth hold NaN.
   bool same_as(const Answer& other) const {
     const auto same = [](const auto& a, const auto& b) { return std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0; };
     return same(disparity, other.disparity) && same(confidence, other.confidence) && same(depth, other.depth) &&
@@ -69,7 +69,7 @@ Answer ask(Slot& slot, const KnownPair& pair, Work& work) {
   return answer;
 }
 
-// Share of the plane, beyond the band that the right view does not show, of whose pixels `holds` is true.
+// Share of pixels for which `holds` is true. The band of the plane that the right view does not show is left out.
 template <typename Holds>
 double share_of_plane(const KnownPair& pair, const Holds& holds) {
   const Size size = pair.size();
@@ -84,7 +84,7 @@ double share_of_plane(const KnownPair& pair, const Holds& holds) {
   return count > 0 ? static_cast<double>(held) / count : 0.0;
 }
 
-// Each pixel has either a reason, or the depth of its disparity and an error of it.
+// Each pixel must have either a reason, or the depth that follows from its disparity and an expected error.
 void check_agreement(const Answer& answer, const KnownPair& pair) {
   constexpr double rounding_px = 1e-3;
   int count = 0;
@@ -105,7 +105,7 @@ void check_agreement(const Answer& answer, const KnownPair& pair) {
                  answer.report.valid_share);
 }
 
-// Networks find a plane whose rows are some pixels off, too.
+// The rows are checked separately, because networks find the plane even if the rows are some pixels off.
 void check_rows(const PoseError& found) {
   require_answer(!found.measured || found.vertical_px <= 1.0, "self test: rectify", "rows must match to a pixel", found.vertical_px);
 }

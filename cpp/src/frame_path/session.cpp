@@ -5,7 +5,7 @@
 namespace endosdk {
 namespace {
 
-// Runtimes take the size of one dimension as a multiple; this side length is far beyond any frame.
+// Longest side after padding, px. It is far beyond any frame. Only a model with a very large input multiple exceeds it.
 constexpr int64_t longest_side = 1 << 20;
 
 int padded(int length, int multiple) {

@@ -1,4 +1,5 @@
-// What the frame path asks of whoever runs the network: libendosdk's own ONNX Runtime session, or the Python package's.
+// The interface through which the frame path runs the network. It has two implementations: libendosdk's own ONNX Runtime
+// session, and the session of the Python package.
 #pragma once
 
 #include <memory>
@@ -13,18 +14,18 @@
 
 namespace endosdk {
 
-// Of the network's input: a picture, padded to the model's multiple.
+// Size of the network's input: the picture, padded to the model's multiple.
 Size padded_size(Size picture, const ModelInfo& model);
 
-// What one run reads and writes. The frame path owns it, so that the rectifier writes where the network reads.
+// The memory that one run reads and writes. The frame path owns it, so that the rectifier writes where the network reads.
 class SessionBuffers {
  public:
-  // For pictures of this size.
+  // Allocates the memory for pictures of this size.
   SessionBuffers(Size picture, const ModelInfo& model);
 
   Size input() const { return input_; }
 
-  // Zeros until they are written: the memory is touched here, so that the first frame does not pay for it.
+  // The memory is filled with zeros at construction, so that the first frame does not pay for its first use.
   PlanarView left() { return {pixels_.data(), input_.width, input_.height}; }
   PlanarView right() { return {pixels_.data() + pixels_.size() / 2, input_.width, input_.height}; }
   MutableFloatView disparity() { return {maps_.data(), grid_.width, grid_.height}; }
@@ -37,9 +38,9 @@ class SessionBuffers {
   std::vector<float> maps_;      // both outputs
 };
 
-// What reports say of a session.
+// Facts about a session, for reports.
 struct SessionFacts {
-  std::string provider;  // the runtime's own name of it
+  std::string provider;  // by the runtime's own name
   ProviderOptions provider_options;
   std::string runtime_version;
   std::string runtime_library;  // path; empty where the host does not know it
@@ -49,13 +50,13 @@ struct SessionFacts {
 
 class Session {
  public:
-  // The network, tied to one set of buffers. Runs of different ones may overlap.
+  // The network, bound to one set of buffers. Runs with different buffers may overlap.
   class Run {
    public:
     virtual ~Run() = default;
     virtual void operator()() = 0;
 
-    // Makes this run, and later ones, fail soon, from any thread, until `resume`.
+    // Makes this run and later ones fail soon, until `resume` is called. May be called from any thread.
     virtual void stop() = 0;
     virtual void resume() = 0;
   };
@@ -65,15 +66,15 @@ class Session {
   virtual const ModelInfo& model() const = 0;
   virtual const SessionFacts& facts() const = 0;
 
-  // A session for inputs of exactly this size. Null where that makes no difference: this one takes any.
+  // A session for inputs of exactly this size. Null if this session takes any size.
   virtual std::shared_ptr<Session> for_size(Size input) = 0;
 
-  // The buffers must live as long as what is returned, and keep their place. Not for a session that `for_size` makes
-  // others of.
+  // The buffers must live as long as the returned run, and keep their addresses. Must not be called on a session whose
+  // `for_size` returns another session.
   virtual std::unique_ptr<Run> bind(SessionBuffers& buffers) = 0;
 
-  // A session whose runs stay on the thread that calls, so that several frames can run at a time. Null where that makes
-  // no difference: this one serves.
+  // A session whose runs stay on the calling thread, so that several frames can run at the same time. Null if this session can
+  // be used for that.
   virtual std::shared_ptr<Session> for_one_thread_each() = 0;
 };
 

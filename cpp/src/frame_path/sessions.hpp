@@ -1,4 +1,4 @@
-// The sessions of one model. On an accelerator each size of frame has one of its own, which is compiled for that size.
+// The sessions of one model. On an accelerator, each size of frame has its own session, which is compiled for this size.
 #pragma once
 
 #include <memory>
@@ -10,19 +10,19 @@ namespace endosdk {
 
 class Sessions {
  public:
-  // Sessions kept at a time. To compile one takes up to minutes; a device has few sizes.
+  // Number of sessions that are kept. Compiling a session takes up to minutes, and a device uses few sizes.
   static constexpr size_t kept = 4;
 
   explicit Sessions(std::shared_ptr<Session> any) : any_(std::move(any)) {}
 
-  // What the model says of itself, and where it runs.
+  // The session from which the model's metadata and the provider are read.
   const Session& any() const { return *any_; }
 
-  // The session that runs pictures of this size, made when it is asked for first. Of those for one size each, the one
-  // that was asked for longest ago goes when there are too many; who still holds it keeps it.
+  // The session for pictures of this size. It is created when it is first requested. If there are too many sessions for single
+  // sizes, the one that was requested longest ago is removed. Callers that still hold it can still use it.
   std::shared_ptr<Session> of(Size picture);
 
-  // The same, where frames are computed on one thread each.
+  // The same, if each frame is computed on one thread.
   std::shared_ptr<Session> for_one_thread_each(Size picture);
 
   void drop();
@@ -35,7 +35,7 @@ class Sessions {
 
   const std::shared_ptr<Session> any_;
   std::shared_ptr<Session> one_thread_each_;
-  std::vector<Sized> sized_;  // the latest first
+  std::vector<Sized> sized_;  // the last requested first
 };
 
 }  // namespace endosdk

@@ -11,14 +11,14 @@ namespace {
 constexpr double fading = 1.0 - 1.0 / 90.0;  // per frame
 constexpr int least_frames = 8;
 
-// What is left of neighbouring frames is alike: so many of them tell as much as one.
+// The errors of neighbouring frames are alike, so this many frames tell as much as one independent frame.
 constexpr double alike_frames = 4.0;
 
 constexpr double certain = 4.0;      // standard errors
-constexpr double least_lag = 0.2;    // frames; less does not come from cameras that run on their own
-constexpr double least_row_se = 0.05;  // px: how far a frame's rows may be trusted at the best
+constexpr double least_lag = 0.2;    // frames; a smaller lag does not come from unsynchronised cameras
+constexpr double least_row_se = 0.05;  // px: least standard error that is assumed for the rows of a frame
 
-// Shifts of the whole picture need no finer level.
+// Finest level of the pyramid that is used; the shift of the whole picture needs no finer one.
 constexpr int finest = 1;
 
 double certain_motion_px(const LagFit& fit, double lag) {

@@ -1,5 +1,5 @@
-// Whether the two views of a rig are of one moment. A single pair cannot tell a late view from a camera that turned; a
-// sequence can: where one view is late, matches leave their rows in step with the motion of the picture.
+// Detects whether the two views of a rig were taken at different times. In a single pair, a late view looks like a camera that
+// rotated. A sequence shows the difference: if one view is late, the vertical disparity follows the motion of the picture.
 #pragma once
 
 #include <optional>
@@ -10,15 +10,15 @@
 
 namespace endosdk {
 
-// By how many frames a view is late, from pairs of numbers: a line through the rows by which matches lie lower against those
-// by which the picture's content lay lower in the frame before. Older frames fade.
+// Fits by how many frames a view is late. It fits a line to pairs of numbers: the rows by which matches lie lower, against the
+// rows by which the content of the picture lay lower in the previous frame. Older frames fade.
 class LagFit {
  public:
   void add(double moved_px, double rows_px);
 
   int frames() const { return frames_; }
   double lag() const;              // frames
-  double lag_se() const;           // its standard error, with what neighbouring frames have in common
+  double lag_se() const;           // standard error of the lag; it allows for the correlation of neighbouring frames
   double usual_motion_px() const;  // root mean square of the motion per frame
 
  private:
@@ -26,15 +26,15 @@ class LagFit {
   double sum_ = 0.0, x_ = 0.0, y_ = 0.0, xx_ = 0.0, xy_ = 0.0, yy_ = 0.0;
 };
 
-// Of one source, frame by frame in their order.
+// Watches one source. It takes every frame in order.
 class Simultaneity {
  public:
-  // Reserves what frames like this one need, and forgets the frame before.
+  // Reserves memory for frames like this one, and forgets the previous frame.
   void make_room(const BrightnessPyramid& view);
 
-  // `view` is the left view, whose memory it takes in exchange for that of the frame before; `row_px` says how many rows of
-  // the frame a row of the picture is worth. Returns vertical motion between the views, px of the frame: 0 where there
-  // is none for certain, nothing as long as too little is known.
+  // Takes the left view; `view` is swapped with the memory of the previous frame. `row_px` is the number of rows of the frame
+  // per row of the picture. Returns the vertical motion between the views, px of the frame. It is 0 if no motion is certain,
+  // and empty while too little is known.
   std::optional<double> motion_between(BrightnessPyramid& view, double row_px, const PoseError& pose);
 
  private:
@@ -42,7 +42,7 @@ class Simultaneity {
   BrightnessPyramid former_;
   ImageMotion motion_;
   LagFit right_;  // how late the right view is
-  LagFit left_;   // and the left one, negative: the rows of a frame are the motion that its left view shows a frame later
+  LagFit left_;   // how late the left view is, negative; it pairs the rows of a frame with the motion one frame later
   std::optional<double> former_rows_px_;
 };
 

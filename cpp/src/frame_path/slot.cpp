@@ -12,8 +12,8 @@ namespace {
 
 FloatView read_only(const MutableFloatView& view) { return {view.data, view.width, view.height}; }
 
-// Of all pixels, but for those that one view does not show. Counted in bytes over as many pixels as these can tell, so that
-// the compiler adds whole vectors of them.
+// Share of all pixels that are out of range; pixels that one view does not show are not counted. The inner count is one byte,
+// over so few pixels that it cannot overflow, so that the compiler uses whole vectors of bytes.
 double share_out_of_range(const uint8_t* reasons, size_t count) {
   constexpr uint8_t looked_at = ENDO_REASON_OUT_OF_RANGE | ENDO_REASON_OUTSIDE_VIEW | ENDO_REASON_OUTSIDE_OVERLAP;
   constexpr size_t group = 240;
@@ -27,10 +27,10 @@ double share_out_of_range(const uint8_t* reasons, size_t count) {
   return static_cast<double>(total) / static_cast<double>(count);
 }
 
-// Share of the rows found without the network that the fit of the rig must explain to be believed.
+// The fit of the rig is trusted only if it explains at least this share of the rows found without the network.
 constexpr double least_found = 0.7;
 
-// Without a rig the focal length is a usual one: the pattern fits as well, but its angles mean nothing.
+// Without a rig, a usual focal length is assumed. The pattern fits as well, but its angles mean nothing.
 PosePattern pattern_of(const Rig* rig, Size frame, double right_shift) {
   if (rig == nullptr) return {1.0 * frame.width, 1.0 * frame.width, 0.5 * (frame.width - 1), 0.5 * (frame.height - 1), 0.0, false};
   const RectifiedGeometry& g = rig->geometry();
@@ -95,7 +95,7 @@ void Slot::judge(const MapsOut& maps, FrameReport& report) {
   const double seen = scratch_.views.size().width > 0 ? scratch_.views.field(0).share() : 1.0;
   report.causes.set(Cause::few_valid, report.valid_share / seen);
   report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, count_of(stage_->frame())) / seen);
-  if (scratch_.views.size().width == 0) return;  // too small a picture to be judged
+  if (scratch_.views.size().width == 0) return;  // the picture is too small to be judged
   report.causes.set(Cause::views_differ, scratch_.views.most_correlation());
   report.causes.set(Cause::low_texture, scratch_.views.textured_share());
   report.causes.set(Cause::covered, scratch_.measures.covered());
@@ -105,7 +105,7 @@ void Slot::judge(const MapsOut& maps, FrameReport& report) {
   judge_rig(report);
   if (report.causes.raised(Cause::same_view_twice)) return;
   const bool failed = report.causes.raised(Cause::views_differ) || report.causes.raised(Cause::few_valid);
-  // A network with a fine grid finds something on rows that are far off, too; what it finds tells of no rotation.
+  // A network with a fine grid finds matches even if the rows are far off. But no rotation can be measured from them.
   if (failed || !report.pose.measured) explain_failure(failed, report);
 }
 
@@ -115,7 +115,7 @@ void Slot::explain_failure(bool failed, FrameReport& report) {
   const bool swapped = report.causes.raised(Cause::swapped);
   const double row = 2.0 * scratch_.views.unit() * stage_->frame().height / stage_->picture().height;
   const double rows_off = std::abs(row * coarse_match_.rows_off());
-  // The fit looks near each match alone: of views far off their rows it finds a part, or a chance likeness.
+  // The fit searches only near each match. If the rows are far off, it finds only a part of the offset, or a chance similarity.
   const bool missed = report.pose.measured && report.pose.vertical_px < least_found * rows_off;
   if (swapped || missed || report.causes.raised(Cause::views_differ)) {
     report.pose = {};
@@ -125,7 +125,8 @@ void Slot::explain_failure(bool failed, FrameReport& report) {
   if (swapped || report.pose.measured) return;
   report.causes.set(Cause::not_rectified, rows_off);
   if (!has_rig_) return;
-  // Of a rectified rig, only a turn about x moves all matches by about as many rows: by focal_y * (1 + v * v) * turn at v.
+  // In a rectified rig, only a rotation about x moves all matches by nearly the same number of rows: by focal_y * (1 + v * v)
+  // times the angle, at height v.
   const double height = stage_->frame().height / focal_y_;
   report.causes.set(Cause::rig_moved, degrees_per_radian * rows_off / (focal_y_ * (1.0 + height * height / 12.0)));
 }
@@ -137,7 +138,7 @@ void Slot::judge_rig(FrameReport& report) const {
   const PoseError& pose = report.pose;
   if (has_rig_) report.causes.set(Cause::rig_moved, degrees_per_radian * turn_length(pose.certain_turns()));
   if (report.causes.raised(Cause::rig_moved)) return;
-  // Rows may differ although no turn is large for certain: where lenses are not as they were calibrated, for instance.
+  // Rows may differ although no rotation is certain, for example if a lens is not as it was calibrated.
   report.causes.set(Cause::not_rectified, pose.vertical_px > certain_errors * pose.vertical_se_px ? pose.vertical_px : 0.0);
 }
 
@@ -148,7 +149,7 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.size = frame;
   in.disparity = read_only(buffers_.disparity());
   in.confidence = read_only(buffers_.confidence());
-  // Relative to the picture without its padding, which the grids include.
+  // The scales relate to the picture without its padding; the grids include the padding.
   in.view_scale = {static_cast<double>(picture.height) / frame.height, static_cast<double>(picture.width) / frame.width};
   in.scale = {in.view_scale.y / model_.output_stride, in.view_scale.x / model_.output_stride};
   in.gain = static_cast<float>(static_cast<double>(frame.width) / picture.width);

@@ -1,4 +1,4 @@
-// What one frame in work needs: its pictures, the network tied to them, and the memory of every stage.
+// A slot for one frame in work: its pictures, the network bound to them, and the memory of every stage.
 #pragma once
 
 #include <memory>
@@ -16,7 +16,7 @@
 
 namespace endosdk {
 
-// What counts as an answer.
+// Limits within which a pixel counts as valid.
 struct Limits {
   double min_confidence = 0.0;
   double min_depth_mm = 0.0;
@@ -33,31 +33,31 @@ class Slot {
   const RectifyStage& stage() const { return *stage_; }
   const std::shared_ptr<const RectifyStage>& shared_stage() const { return stage_; }
 
-  // Another rectification to pictures of the same size.
+  // Uses another rectification, to pictures of the same size.
   void use(std::shared_ptr<const RectifyStage> stage) { stage_ = std::move(stage); }
 
-  // Writes the pictures that the network reads; the frames are not needed afterwards. Adds the time to the report.
+  // Writes the pictures that the network reads. The frames are not needed afterwards. Adds its time to the report.
   void rectify(const FramePair& pair, FrameReport& report);
 
   // Runs the network.
   void infer(Work& work, FrameReport& report);
 
-  // Draws the network's disparity towards that of the frame before. The calls of one filter come in the order of frames.
+  // Applies the temporal filter to the network's disparity. One filter must get the frames in their order.
   void steady(TemporalFilter& filter, FrameReport& report);
 
-  // Fills the maps from what the network said; those that nobody wants are null.
+  // Computes the maps from the network's output. Maps that are not wanted are null.
   void answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, Work& work, FrameReport& report);
 
-  // Of the left picture of the latest answer; it may be exchanged for another one.
+  // The brightness of the left picture of the latest answer. The caller may swap it with another pyramid.
   BrightnessPyramid& brightness() { return brightness_; }
 
-  // Copies of the pictures, as tight RGB rows; null: not wanted.
+  // Copies the pictures as contiguous RGB rows; null: not wanted.
   void copy_pictures(uint8_t* left, uint8_t* right);
 
  private:
   int postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig);
 
-  // Sets what the pictures and the maps of the latest frame tell of its causes.
+  // Sets the causes that follow from the pictures and the maps of the latest frame.
   void judge(const MapsOut& maps, FrameReport& report);
   void judge_rig(FrameReport& report) const;
   void explain_failure(bool failed, FrameReport& report);
@@ -65,7 +65,7 @@ class Slot {
   std::shared_ptr<const RectifyStage> stage_;
   std::shared_ptr<Session> session_;
   const ModelInfo& model_;
-  std::mutex pictures_;  // held while they are written or copied
+  std::mutex pictures_;  // held while the pictures are written or copied
   SessionBuffers buffers_;
   std::unique_ptr<Session::Run> run_;
   SpareMaps spare_;
@@ -73,7 +73,7 @@ class Slot {
   PostprocessScratch scratch_;
   CoarseMatch coarse_match_;
   BrightnessPyramid brightness_;
-  bool has_rig_ = false;  // of the latest pair
+  bool has_rig_ = false;  // whether the latest pair had a rig
   double focal_y_ = 0.0;
 };
 

@@ -1,4 +1,4 @@
-// Work of which frames on several threads each do a part, one after the other in their order.
+// Lets frames on several threads do a part of their work one after the other, in their order.
 #pragma once
 
 #include <condition_variable>
@@ -16,7 +16,7 @@ class Turns {
   uint64_t next_ = 0;
 };
 
-// The turn of one number. It passes to the next number at the end of this object's life, whatever happens before.
+// The turn of one number. When this object is destroyed, the turn passes to the next number, whatever happened before.
 class Turn {
  public:
   Turn(Turns& turns, uint64_t number) : turns_(turns), number_(number) {}
@@ -24,10 +24,10 @@ class Turn {
   Turn(const Turn&) = delete;
   Turn& operator=(const Turn&) = delete;
 
-  // Until all numbers before have passed.
+  // Waits until all earlier numbers have passed.
   void wait();
 
-  // Waits for the turn first where that was not done.
+  // Passes the turn to the next number. If the turn has not come yet, waits for it first.
   void pass();
 
  private:

@@ -10,7 +10,7 @@
 namespace endosdk {
 namespace {
 
-constexpr double usual_nearest_mm = 30.0;  // instruments work from about here on
+constexpr double usual_nearest_mm = 30.0;  // instruments usually work at this distance or farther
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
@@ -28,7 +28,7 @@ double nearest_depth_mm(const Rig& rig, double largest_disparity) {
 
 std::optional<RangeNote> range_note(double nearest_mm, const Limits& limits) {
   if (std::isnan(nearest_mm)) return std::nullopt;
-  char line[160];  // enough for any two numbers of %g, which takes few letters also where a rig gives absurd ones
+  char line[160];  // enough for any two numbers: %g is short even for absurd numbers of a rig
   const auto write = [&](const char* format, auto... numbers) {
     const int start = std::snprintf(line, sizeof line, "nearest depth this model sees on this rig: %.9g mm", std::ceil(nearest_mm));
     std::snprintf(line + start, sizeof line - static_cast<size_t>(start), format, numbers...);

@@ -1,4 +1,4 @@
-// How near a surface may come before a model finds it no more, and what a host is told of it.
+// The nearest depth at which a model still finds a surface, and the note about it for the host.
 #pragma once
 
 #include <optional>
@@ -13,11 +13,11 @@
 
 namespace endosdk {
 
-// Largest disparity that counts as an answer, px of frames of this size that the network sees at the other; NaN where the
-// model does not state its range.
+// Largest disparity that counts as an answer, px of the frame. `network` is the size at which the network sees the frame. NaN
+// if the model does not state its range.
 double largest_disparity(const ModelInfo& model, Size frame, Size network);
 
-// Depth, mm, of a surface at that disparity of the rig's frames; NaN for NaN.
+// Depth, mm, of a surface with this disparity in the rig's frames. NaN for NaN, and if no depth follows.
 double nearest_depth_mm(const Rig& rig, double largest_disparity);
 
 struct RangeNote {
@@ -25,8 +25,8 @@ struct RangeNote {
   std::string line;
 };
 
-// A warning where surfaces nearer than what the model sees are asked for, or usual in endoscopy when the limits name no
-// nearest depth; nothing for NaN.
+// The note is a warning if the limits include depths that are nearer than the model sees. Without a nearest depth in the
+// limits, the usual distances in endoscopy decide. No note for NaN.
 std::optional<RangeNote> range_note(double nearest_mm, const Limits& limits);
 
 }  // namespace endosdk

@@ -1,4 +1,4 @@
-// The disparity that the costs of planes tell, and how much of their spread is doubt.
+// Computes the disparity from the costs of planes, and the part of their spread that is uncertainty.
 #include <algorithm>
 #include <vector>
 
@@ -9,7 +9,7 @@
 namespace endosdk {
 namespace {
 
-constexpr int side = 2;             // of the grid of the answer, in cells of the costs'
+constexpr int side = 2;             // cells of the answer along a side of a cell of the costs
 constexpr int per_cell = side * side;
 constexpr int cells_at_once = soft_argmin_width / per_cell;
 constexpr int most_planes = 128;
@@ -21,7 +21,7 @@ class AnswerOfPlanes : public Function {
     const bool fits = dense > 0 && sparse >= 0 && planes_ % side == 0 && planes_ <= most_planes;
     require(fits, ENDO_MODEL_METADATA, "planes", Text("must be an even number up to ", most_planes), planes_);
     reach_ = static_cast<float>(reach > 0 ? reach : planes_);
-    // First the even planes, then the odd ones, as the costs have them.
+    // The even planes come first, then the odd ones, as in the costs.
     for (int place = 0; place < side; ++place) {
       for (int plane = place; plane < planes_; plane += side) {
         index_.push_back(static_cast<float>(plane));
@@ -40,7 +40,7 @@ class AnswerOfPlanes : public Function {
     float* mean = call.float_output(0, {count, 1, side * height, side * width});
     float* excess = call.float_output(1, {count, 1, side * height, side * width});
     if (width == 0) return;
-    // Not on the stack, which the thread of a device may have little of.
+    // This memory is not on the stack, because a thread of a device may have a small stack.
     const size_t values = static_cast<size_t>(planes_) * soft_argmin_width;
     const int64_t blocks = (count * height + block - 1) / block;
     Scratch::Lent memory(scratch_, values * static_cast<size_t>(blocks));

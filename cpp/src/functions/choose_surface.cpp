@@ -1,4 +1,5 @@
-// The answer of a refinement: the surface found, the nearest or the farthest one around, or what the pictures ask for.
+// The result of a refinement. Each pixel starts from the disparity found. The network's correction and the step that the
+// pictures ask for are added. The pixel may also move towards the nearest or the farthest surface around.
 #include <algorithm>
 
 #include "functions/function.hpp"
@@ -7,11 +8,11 @@
 namespace endosdk {
 namespace {
 
-constexpr int side = 2;  // of the grid of the answer, in cells
+constexpr int side = 2;  // pixels of the answer along a side of a cell
 constexpr int per_cell = side * side;
 constexpr int block = 8;  // rows of cells at a time
 
-// Inputs and outputs of one call, and where each row of them begins.
+// Inputs and outputs of one call, and the places where their rows begin.
 class Surfaces {
  public:
   explicit Surfaces(FunctionCall& call) : call_(call) {
@@ -30,7 +31,7 @@ class Surfaces {
   int64_t height() const { return height_; }
   int64_t width() const { return width_; }
 
-  // One of the rows of the answer that belong to row y of the cells.
+  // One of the two rows of the answer that belong to row y of the cells.
   ChooseRow row(int64_t pair, int64_t y, int down, float* mixed) const {
     const int64_t plane = height_ * width_;
     const auto plane_row = [&](int input, int planes, int which) {

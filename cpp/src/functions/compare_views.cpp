@@ -1,4 +1,4 @@
-// What two views say at a disparity, and at the nearest and the farthest one of the cells around.
+// Compares two views at the disparity found, and at the nearest and the farthest disparity of the cells around.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr int fine = 2;             // cells of the answer along one side of a cell
 constexpr int fine_cells = fine * fine;
-constexpr int pair_rows = comparison_cell / 2;  // of brightness, in a cell
+constexpr int pair_rows = comparison_cell / 2;  // rows of brightness in a cell
 constexpr float surface_unit = 16.0f;  // px
 constexpr float grey_unit = 64.0f;
 constexpr float damping = 2.0f / (grey_unit * grey_unit);
@@ -58,7 +58,7 @@ class Comparison {
     return static_cast<size_t>(rows) * static_cast<size_t>(cells) * (view_moments * (fine_cells + 3) + 2);
   }
 
-  // In this order, each for all rows of cells before the next.
+  // The three steps, in this order. Each step must finish all rows of cells before the next step begins.
   void find_surfaces(int y, float* scratch) const;
   void compare(int y, float* scratch) const;
   void solve(int y, float* scratch, float* hints, float* steps, float* spread) const;
@@ -83,7 +83,7 @@ class Comparison {
   Means coarse_;
   Means near_;
   Means far_;
-  Means surfaces_[2];  // the nearest and the farthest
+  Means surfaces_[2];  // disparity of the nearest and of the farthest surface
 };
 
 void Comparison::find_surfaces(int y, float* scratch) const {
@@ -108,7 +108,8 @@ void Comparison::compare_at(const float* disparity, int y, int columns, const Me
     one.left = left_ + row * width;
     one.right = right_ + row * width;
     one.width = width;
-    // The upper of two rows of brightness lies a quarter of a cell above its middle, the other one below it.
+    // The upper of the two rows of brightness lies a quarter of a cell above the middle of the cell, the lower one as much
+    // below it.
     one.upper = disparity + std::max(y - 1 + part, 0) * cells_;
     one.lower = disparity + std::min(y + part, rows_ - 1) * cells_;
     one.lower_share = part == 0 ? 0.75f : 0.25f;
@@ -165,7 +166,7 @@ void Comparison::solve_row_of(const Means& means, int y, int reach, float* scrat
 void Comparison::solve(int y, float* scratch, float* hints, float* steps, float* spread) const {
   const ptrdiff_t plane = coarse_.plane();
   const ptrdiff_t row = static_cast<ptrdiff_t>(y) * cells_;
-  // What the windows of the finer grid say, its four cells as channels.
+  // Results of the windows on the finer grid; its four cells in a cell become channels.
   float* fine_row[3] = {scratch, scratch + fine * cells_, scratch + 2 * fine * cells_};
   float* unwanted = scratch + 3 * fine * cells_;
   float* rest = unwanted + 2 * cells_;

@@ -1,4 +1,4 @@
-// Pairs of planes of a volume with the plane before and the one after, for 8-bit convolutions over both.
+// Joins each pair of planes of a volume with the plane before and the plane after it, for 8-bit convolutions over all four.
 #include <algorithm>
 #include <cstring>
 
@@ -8,9 +8,9 @@
 namespace endosdk {
 namespace {
 
-constexpr int usual_channels = 16;  // of a plane: copies of a size that the compiler knows take a third of the time
+constexpr int usual_channels = 16;  // per plane: copies of a size known at compile time take a third of the time
 
-// Three runs of bytes, one after the other.
+// Writes, for each pixel, three runs of bytes one after the other.
 template <typename Size>
 void join_pixels(const uint8_t* before, const uint8_t* own, const uint8_t* after, int64_t pixels, Size channels, uint8_t* out) {
   const size_t one = channels;
@@ -38,7 +38,8 @@ class PlanesAround : public Function {
     call.parallel(shape[0], [&](int index) {
       const int64_t plane = index % pairs_;
       const uint8_t* own = call.bytes(0) + index * height * row;
-      // The second plane of the pair before and the first one of the pair after; at the ends, the planes there.
+      // The second plane of the pair before, and the first plane of the pair after. At the ends, the first or last plane is
+      // repeated.
       const uint8_t* before = plane == 0 ? own : own - height * row + channels;
       const uint8_t* after = plane == pairs_ - 1 ? own + channels : own + height * row;
       uint8_t* const to = out + 2 * index * height * row;

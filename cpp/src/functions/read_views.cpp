@@ -1,4 +1,5 @@
-// What networks read of both views: the pixels, colours side by side, and the brightness of pairs of rows.
+// Prepares the inputs of networks from both views: the pixels, with the colours side by side, and the brightness of pairs of
+// rows.
 #include <algorithm>
 
 #include "functions/function.hpp"
@@ -8,20 +9,20 @@ namespace endosdk {
 namespace {
 
 constexpr int cell = 4;                     // pixels that lie side by side as channels
-constexpr float unit = 64.0f;               // grey levels that count as one
-constexpr float share = 1.0f / (6 * unit);  // of three channels of two rows
+constexpr float unit = 64.0f;               // grey levels that become 1
+constexpr float share = 1.0f / (6 * unit);  // weight of each value: three channels of two rows are averaged
 constexpr int block = 16;                   // pairs of rows at a time
-constexpr int seen = 3;                     // a smaller view has so many pixels where the view has `whole`
+constexpr int seen = 3;                     // pixels of a smaller view per `whole` pixels of the view
 constexpr int whole = 4;
 
-// Both views of a batch, and the size of what is made of them.
+// Both views of a batch, and their number and size.
 struct Views {
   const uint8_t* views[2];
   int64_t count;
   int64_t height;
   int64_t width;
 
-  // A channel of one view of all, left ones first.
+  // One channel of a view. Views are numbered over the batch, left views first.
   const uint8_t* channel(int64_t view, int c) const {
     return views[view / count] + (view % count * 3 + c) * height * width;
   }
@@ -76,7 +77,7 @@ class ReadSmaller : public Function {
     float* bright = call.float_output(1, {2 * views.count, 1, height / 2, width});
     for_pairs(call, 2 * views.count, height / 2, [&](int64_t view, int64_t pair) {
       for (int64_t y = 2 * pair; y < 2 * pair + 2; ++y) {
-        // Three rows lie 1/6, 3/2 and 17/6 rows after the first of four.
+        // The three rows of the smaller view lie 1/6, 3/2 and 17/6 rows after the first of four rows.
         constexpr float shares[seen] = {1.0f / 6.0f, 0.5f, 5.0f / 6.0f};
         SmallerRow row;
         for (int c = 0; c < 3; ++c) {

@@ -1,6 +1,6 @@
-// The part of ONNX Runtime's C interface that functions need: as the runtime lays it out in memory, since the Python module is
-// built without its header. Places in the runtime's table never change. The C library, which has the header, checks all
-// of this against it when it is compiled (library/runtime_table.cpp).
+// The part of ONNX Runtime's C interface that functions need, in the memory layout of the runtime. The Python module is built
+// without the runtime's header, so it needs this copy. Places in the runtime's table never change. The C library has the
+// header, and checks all of this against it at compile time (library/runtime_table.cpp).
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ using Options = void;
 using Domain = void;
 using KernelInfo = void;
 
-// A place in the table, and the type of the function that lies there.
+// A place in the table, and the type of the function at this place.
 template <int Place, typename Type>
 struct Entry {
   static constexpr int place = Place;
@@ -64,13 +64,13 @@ class Api {
   const Slot* table_;
 };
 
-// What gives the table, for a version.
+// Gives the table for a version.
 struct ApiBase {
   const void*(ENDOSDK_ORT_CALL* get_api)(uint32_t version);
   const char*(ENDOSDK_ORT_CALL* get_version)();
 };
 
-// An operator of our own, as the runtime of `api_version` reads it.
+// One of our own operators, in the layout that the runtime of `api_version` reads.
 struct CustomOp {
   uint32_t version;
   void*(ENDOSDK_ORT_CALL* create_kernel)(const CustomOp* op, const void* api, const KernelInfo* info);

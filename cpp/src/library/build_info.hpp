@@ -1,4 +1,4 @@
-// What this binary is and how it was made.
+// Version of this binary, and how it was built.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@ namespace endosdk {
 
 const char* version_text();
 
-// JSON, made when the library is built.
+// A JSON text that is written when the library is built.
 const char* build_info();
 
 }  // namespace endosdk

@@ -7,7 +7,7 @@
 namespace endosdk {
 namespace {
 
-// A fixed buffer, because out of memory must be reported, too.
+// The buffer is fixed, so that a lack of memory can be reported, too.
 thread_local char text[1024] = "";
 
 }  // namespace

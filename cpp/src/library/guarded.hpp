@@ -1,4 +1,4 @@
-// What stands around every function of the C interface: an exception becomes a status, and a text for this thread.
+// A guard around every function of the C interface. It turns an exception into a status, and a message for this thread.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -12,13 +12,13 @@
 
 namespace endosdk {
 
-// What went wrong in this thread's last failed call.
+// The message of this thread's last failed call.
 const char* last_error();
 
 // Keeps the message for last_error() and returns the status.
 endo_status report(endo_status status, const char* message);
 
-// Runs the body of a function; no exception leaves it.
+// Runs the body of a function. No exception leaves this function.
 template <typename Body>
 endo_status guarded(const Body& body) noexcept {
   try {
@@ -28,10 +28,10 @@ endo_status guarded(const Body& body) noexcept {
     return report(error.status(), error.what());
   } catch (const std::bad_alloc&) {
     return report(ENDO_OUT_OF_MEMORY, "out of memory");
-  } catch (const std::length_error&) {  // asked for more than any memory holds
+  } catch (const std::length_error&) {  // a container was asked for more than any memory holds
     return report(ENDO_OUT_OF_MEMORY, "out of memory");
   } catch (const std::system_error& error) {
-    // What the C++ library throws where no further thread can be started.
+    // The C++ library throws this error code if no further thread can be started.
     const bool used_up = error.code() == std::errc::resource_unavailable_try_again;
     return used_up ? report(ENDO_OUT_OF_MEMORY, short_of_threads(1, 0).what())
                    : report(ENDO_INTERNAL, error.what());

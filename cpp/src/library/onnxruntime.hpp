@@ -1,4 +1,4 @@
-// ONNX Runtime's own header, which for Windows is written for Microsoft's compiler alone.
+// Includes ONNX Runtime's own header. On Windows it is written for Microsoft's compiler only, so MinGW needs these definitions.
 #pragma once
 
 #ifdef __MINGW32__

@@ -29,8 +29,8 @@ endo_options default_options() {
   return options;
 }
 
-// NULL means "any" or "search", and is empty here. An empty text from the caller is a mistake, such as a variable that
-// was never filled, and must not switch off what he meant to ask for.
+// Turns NULL, which means "any" or "search", into an empty text. An empty text from the caller is a mistake, for example a
+// variable that was never filled. It must not switch off the check that the caller wanted.
 std::string text_or_nothing(const char* text, const char* argument) {
   require_argument(text == nullptr || *text != '\0', argument, "must be NULL or not empty", "''");
   return text != nullptr ? text : "";
@@ -53,7 +53,8 @@ std::optional<Signer> signer_of(const endo_options& o) {
   return signer;
 }
 
-// What checks a model: null where no signer is named. A signature alone proves nothing, so it must come with one.
+// The function that checks a model's signature; null if no public key is given. A signature alone proves nothing, so it needs a
+// key.
 std::function<void(const ModelFile&)> check_by(const std::optional<Signer>& signer, Bytes signature) {
   require_argument(signer.has_value() || signature.empty(), "public_key", "must be given where there is a signature", "NULL");
   if (!signer) return nullptr;
@@ -62,7 +63,7 @@ std::function<void(const ModelFile&)> check_by(const std::optional<Signer>& sign
   };
 }
 
-// The rules of the frame path's own settings stand there.
+// Checks the options that the frame path does not check itself.
 void check_numbers(const endo_options& o) {
   require_argument(o.spinning == 0 || o.spinning == 1, "spinning", "must be 0 or 1", o.spinning);
   require_argument(o.log_level >= ENDO_LOG_ERROR && o.log_level <= ENDO_LOG_INFO, "log_level", "must be an endo_log_level",

@@ -1,4 +1,4 @@
-// What endo_options asks for, checked and turned into ours.
+// The checked content of endo_options, in the library's own types.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -22,7 +22,7 @@ struct OpenRequest {
 
 void write_default_options(endo_options* options, size_t struct_size);
 
-// Null options are the defaults.
+// Checks the options. Null means the defaults.
 OpenRequest open_request(const endo_options* options);
 
 }  // namespace endosdk

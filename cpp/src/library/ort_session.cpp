@@ -34,14 +34,14 @@ std::string installed_provider(const Runtime& runtime, const std::string& wanted
 
 }  // namespace
 
-// One set of buffers, bound to the session.
+// A run with one set of buffers, which are bound to the session.
 class OrtStereoSession::BoundRun : public Session::Run {
  public:
   BoundRun(const OrtStereoSession& session, SessionBuffers& buffers);
 
   void operator()() override {
     if (!session_.copies_inputs()) return run();
-    // The runtime guards its own runs, but not the copies of one frame against the run of another.
+    // The runtime protects its own runs, but it does not protect the input copies of one frame from the run of another.
     const std::lock_guard lock(session_.running_);
     bind_inputs();
     run();
@@ -59,7 +59,7 @@ class OrtStereoSession::BoundRun : public Session::Run {
 
   void run() const { check_run(runtime_.api().RunWithBinding(session_.session_.get(), options_.get(), binding_.get())); }
 
-  // A provider with memory of its own copies the inputs there when they are bound, and not when it runs.
+  // A provider with its own memory copies the inputs when they are bound, not when it runs.
   void bind_inputs();
   OrtValue* wrap(const OrtMemoryInfo* memory, void* data, size_t bytes, const std::array<int64_t, 4>& shape,
                  ONNXTensorElementDataType type);
@@ -171,7 +171,7 @@ void OrtStereoSession::open() {
   const auto check = [&](OrtStatus* status) { runtime_->check(status, ENDO_INTERNAL, "runtime", "must take its settings"); };
   require_memory_for_session(settings_.threads, file_->data.size());
   OrtEnv* environment = nullptr;
-  // The environment is the whole process's; what it would print goes to each session's own log instead.
+  // The environment belongs to the whole process, so it prints almost nothing. Each session has its own log instead.
   check(api.CreateEnv(ORT_LOGGING_LEVEL_FATAL, "endosdk", &environment));
   environment_.reset(environment);
   OrtSessionOptions* made = nullptr;
@@ -182,7 +182,7 @@ void OrtStereoSession::open() {
   const int threads = is_reader() ? 1 : settings_.threads;
   check(api.SetIntraOpNumThreads(options.get(), threads));
   check(api.AddSessionConfigEntry(options.get(), "session.intra_op.allow_spinning", settings_.spinning ? "1" : "0"));
-  // Waiting threads must not burn the cores that rectification and post-processing need between two runs.
+  // Waiting threads must not use the cores that rectification and post-processing need between two runs.
   check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
   if (is_reader()) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
   if (sides_) add_provider(options.get());
@@ -206,7 +206,7 @@ void OrtStereoSession::check_provider(OrtStatus* status) const {
 }
 
 void OrtStereoSession::add_provider(OrtSessionOptions* options) const {
-  // A graph whose sides are known holds no arithmetic of shapes, which the runtime would leave to the processor.
+  // With fixed sides, the graph has no arithmetic of shapes, which the runtime would put on the processor.
   for (const auto& [name, length] : *sides_) {
     check_provider(runtime_->api().AddFreeDimensionOverrideByName(options, name.c_str(), length));
   }

@@ -1,4 +1,4 @@
-// The session of libendosdk: a model in an ONNX Runtime that was opened at run time.
+// The session of libendosdk: a model in ONNX Runtime, which is opened at run time.
 #pragma once
 
 #include <memory>
@@ -23,7 +23,8 @@ struct SessionSettings {
   ThreadHook thread_hook{};
 };
 
-// For an accelerator this one only reads what the model says of itself, on the processor; what runs is made by `for_size`.
+// For an accelerator, a session without a size is a reader: it reads the model's metadata, on the processor. `for_size` makes
+// the sessions that run the network.
 class OrtStereoSession : public Session {
  public:
   OrtStereoSession(std::shared_ptr<const Runtime> runtime, std::shared_ptr<const ModelFile> model,
@@ -40,7 +41,7 @@ class OrtStereoSession : public Session {
 
   OrtStereoSession(const OrtStereoSession& reader, Size input);
 
-  // Whether the provider may have memory of its own, to which each frame is copied.
+  // Whether the provider may have its own memory, so that each frame is copied to it.
   bool copies_inputs() const { return facts_.provider != cpu_provider; }
   bool is_reader() const { return copies_inputs() && !sides_; }
   void open();
@@ -54,13 +55,13 @@ class OrtStereoSession : public Session {
   std::shared_ptr<const ModelFile> file_;
   SessionSettings settings_;
   LogReader log_;
-  std::optional<OpenSides> sides_;  // of a session for one size
+  std::optional<OpenSides> sides_;  // only in a session for one size
   SessionFacts facts_;
   ModelInfo info_;
   OrtHandle<OrtEnv> environment_;
   std::unique_ptr<SessionThreads> threads_;
   OrtHandle<OrtSession> session_;
-  mutable std::mutex running_;  // of a provider that copies inputs
+  mutable std::mutex running_;  // held during a run if the provider copies inputs
 };
 
 }  // namespace endosdk

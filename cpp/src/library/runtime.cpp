@@ -20,9 +20,9 @@ constexpr const char* telemetry_switch = "ORT_DISABLE_TELEMETRY";
 constexpr const char* rule = "ONNX Runtime 1.21 or later must be installed, or named by options.runtime_library or "
                              "ENDOSDK_ORT_LIBRARY";
 
-// Of the file that this code came from.
+// The folder of the file that contains this code.
 std::string own_folder() {
-  // Whoever starts a program with raised privileges can link it into a folder of his own and start it there.
+  // A user can link a program with raised privileges into his own folder and start it there, so the folder cannot be trusted.
   if (system::has_raised_privileges()) return {};
   const std::filesystem::path file = system::file_of(reinterpret_cast<const void*>(&own_folder));
   return file.parent_path().string();
@@ -41,7 +41,7 @@ std::string hash_of(const std::string& file) {
   return sha256(bytes->data(), bytes->size());
 }
 
-// Once for each file: what was opened stays in memory, whatever becomes of the file.
+// Hashes each file only once: an opened library stays in memory, even if the file changes later.
 std::string hash_once(const std::string& file) {
   static std::mutex mutex;
   static std::map<std::string, std::string> hashes;
@@ -61,13 +61,14 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const std:
   require(expected.empty() || !path.empty(), "runtime_sha256",
           "needs runtime_library: the file must be known before it is opened", "none");
   if (!expected.empty()) {
-    // The system looks for a bare name elsewhere, and would open another file than the one whose hash is taken.
+    // The system searches for a bare name in other folders. It could open another file than the hashed one.
     require(std::filesystem::path(path).has_parent_path(), "runtime_library", "must be a path with a folder where runtime_sha256 is given",
             path);
     check_sha256(hash_of(path), expected, ENDO_RUNTIME_HASH_MISMATCH, "runtime", path);
   }
   const bool was_off = telemetry_is_off();
-  // The library reads this while it is being opened; later is too late. It is not touched when it is set already.
+  // The library reads this variable while it is being opened, so it must be set before. If it is already set, it is not
+  // changed.
   if (!was_off && !system::set_environment(telemetry_switch, "1")) throw std::bad_alloc();
   std::string tried;
   const auto pass_on = [&](const std::string& reason) { append_item(tried, reason, "; "); };
@@ -85,7 +86,7 @@ std::shared_ptr<const Runtime> Runtime::open(const std::string& path, const std:
       pass_on(place + (runtime->version_.empty() ? ", another library" : ", " + runtime->version_));
       continue;
     }
-    // What was opened before stays in memory, although another file may have its name now.
+    // A library that was opened earlier stays in memory, although another file may have its name now.
     if (!expected.empty()) check_sha256(runtime->sha256(), expected, ENDO_RUNTIME_HASH_MISMATCH, "runtime", place);
     if (runtime->telemetry_on()) {
       log(ENDO_LOG_WARNING, "ONNX Runtime was opened by the host with its telemetry on; set ORT_DISABLE_TELEMETRY=1 first");
@@ -105,14 +106,14 @@ Runtime::Runtime(void* library, std::string path, bool was_loaded) : library_(li
   if (api_ == nullptr) return;
   const std::string file = system::file_of(reinterpret_cast<const void*>(get_base));
   sha256_ = hash_once(file.empty() ? path_ : file);
-  // Once on, it stays on, although the switch is set from now on.
+  // Telemetry that was once on stays on, although the switch is set from now on.
   static std::atomic<bool> left_on{false};
   if (was_loaded) left_on = true;
   telemetry_on_ = left_on;
 }
 
-// One that was used is never closed: its thread pools live as long as the process, so its code must, too. One that was
-// turned down must go, or the loader would take it again for a later place by its name.
+// A used runtime is never closed: its thread pools live as long as the process, so its code must, too. A rejected library must
+// be closed. Otherwise the loader would return it again for a later place with the same name.
 Runtime::~Runtime() {
   if (api_ == nullptr) system::close_library(library_);
 }

@@ -1,4 +1,4 @@
-// ONNX Runtime, found and opened while the program runs, so that one binary works with every version from 1.21 on.
+// ONNX Runtime. It is found and opened at run time, so that one binary works with every version from 1.21 on.
 #pragma once
 
 #include "library/onnxruntime.hpp"
@@ -12,14 +12,14 @@
 
 namespace endosdk {
 
-// The function table only grows, so this age is enough for all that is called here.
+// The runtime's function table only grows. This version has all functions that are called here.
 constexpr uint32_t runtime_api = 21;
 static_assert(ORT_API_VERSION >= runtime_api, "the headers of ONNX Runtime must be of version 1.21 or later");
 
 class Runtime {
  public:
-  // An empty path searches: $ENDOSDK_ORT_LIBRARY, beside this library, the active Python environment, the system.
-  // A hash that is expected must be that of the file at the path, and is checked before anything of it runs.
+  // An empty path searches in this order: $ENDOSDK_ORT_LIBRARY, beside this library, the active Python environment, the system.
+  // If `expected` is not empty, it must be the hash of the file at the path. It is checked before any code of the file runs.
   static std::shared_ptr<const Runtime> open(const std::string& path, const std::string& expected, const Log& log);
 
   ~Runtime();
@@ -29,12 +29,12 @@ class Runtime {
   const OrtApi& api() const { return *api_; }
   const std::string& version() const { return version_; }
   const std::string& path() const { return path_; }
-  const std::string& sha256() const { return sha256_; }  // of the file
+  const std::string& sha256() const { return sha256_; }  // of the library's file
 
-  // Whether the host opened the library, with its telemetry on, before we could switch that off.
+  // Whether the host opened the library with its telemetry on, before this code could switch it off.
   bool telemetry_on() const { return telemetry_on_; }
 
-  // Turns a failed call of the runtime into an Error: of `code`, unless it failed for want of memory or threads.
+  // Turns a failed call of the runtime into an Error with this code, or ENDO_OUT_OF_MEMORY if memory or threads are missing.
   template <typename Rule>
   void check(OrtStatus* status, endo_status code, const char* argument, const Rule& rule) const {
     if (status == nullptr) return;
@@ -44,7 +44,7 @@ class Runtime {
   }
 
  private:
-  Runtime(void* library, std::string path, bool was_loaded);  // without an api_ when the library is not one for us
+  Runtime(void* library, std::string path, bool was_loaded);  // without an api_ if the library cannot be used
 
   void* library_;
   std::string path_;

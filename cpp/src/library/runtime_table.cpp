@@ -1,4 +1,4 @@
-// Holds functions/runtime_table.hpp against the runtime's own header. Nothing here runs.
+// Compares functions/runtime_table.hpp with the runtime's own header, at compile time only.
 #include "functions/runtime_table.hpp"
 
 #include <type_traits>

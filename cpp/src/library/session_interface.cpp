@@ -14,7 +14,7 @@ struct Node {
   std::string name;
   ONNXTensorElementDataType type = ONNX_TENSOR_ELEMENT_DATA_TYPE_UNDEFINED;
   std::vector<int64_t> shape;      // -1 where the model leaves a side open
-  std::vector<std::string> names;  // of the open sides; empty elsewhere
+  std::vector<std::string> names;  // name of each open side; empty for other sides
 };
 
 class Reader {

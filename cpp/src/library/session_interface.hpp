@@ -1,4 +1,4 @@
-// A model's inputs and outputs: whether they are the ones that a stereo model must have, and the sides they leave open.
+// A model's inputs and outputs. Checks that they are those of a stereo model, and finds the sides that they leave open.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@ namespace endosdk {
 
 void check_interface(const Runtime& runtime, const OrtSession* session);
 
-// What the open sides of the inputs are called, and how long they are for one pair of this size.
+// Names of the open sides of the inputs, and their lengths for one pair of this size.
 using OpenSides = std::vector<std::pair<std::string, int64_t>>;
 OpenSides open_sides(const Runtime& runtime, const OrtSession* session, Size input);
 

@@ -14,7 +14,7 @@ constexpr const char* library_rule = "OpenSSL's libcrypto of version 1.1.1 or 3 
                                      "options.crypto_library";
 constexpr size_t signature_size = 64;
 
-// What is called of libcrypto, by its own names. They are the same in 1.1.1 and in 3.
+// The functions of libcrypto that are called here. Their names are the same in versions 1.1.1 and 3.
 struct Crypto {
   static constexpr int ed25519 = 1087;  // EVP_PKEY_ED25519
 
@@ -28,7 +28,7 @@ struct Crypto {
   int (*set_error_mark)() = nullptr;
   int (*pop_to_error_mark)() = nullptr;
 
-  // Whether the library has them all.
+  // Finds the functions. Returns false if the library lacks one.
   bool load(void* library) {
     return find(library, "EVP_PKEY_new_raw_public_key", new_raw_public_key) && find(library, "EVP_PKEY_free", free_key) &&
            find(library, "EVP_MD_CTX_new", new_context) && find(library, "EVP_MD_CTX_free", free_context) &&
@@ -44,7 +44,7 @@ struct Crypto {
   }
 };
 
-// One that is used is never closed: it keeps state of its own for the whole process.
+// Opens libcrypto. A library that is used is never closed, because it keeps state for the whole process.
 Crypto open_crypto(const std::string& path) {
   std::string tried;
   const auto pass_on = [&](const std::string& reason) { append_item(tried, reason, "; "); };
@@ -59,7 +59,7 @@ Crypto open_crypto(const std::string& path) {
   fail(ENDO_DEPENDENCY_MISSING, "crypto_library", library_rule, tried);
 }
 
-// What fails here stays out of the errors that libcrypto keeps for the host's own calls in this thread.
+// Removes errors of calls made here from libcrypto's error queue of this thread, which belongs to the host.
 class ErrorMark {
  public:
   explicit ErrorMark(const Crypto& crypto) : crypto_(crypto) { crypto_.set_error_mark(); }

@@ -1,4 +1,4 @@
-// Ed25519 signatures of models, checked by OpenSSL's libcrypto, which is opened only where a signature is asked for.
+// Ed25519 signatures of models. OpenSSL's libcrypto checks them; it is opened only if a signature is required.
 #pragma once
 
 #include <optional>
@@ -13,13 +13,13 @@ using Bytes = std::vector<unsigned char>;
 
 constexpr size_t public_key_size = 32;
 
-// Whose signature a model must have.
+// The signer whose signature a model must have.
 struct Signer {
-  Bytes public_key;            // of public_key_size
-  std::string crypto_library;  // path of libcrypto; empty: where the system looks
+  Bytes public_key;            // public_key_size bytes
+  std::string crypto_library;  // path of libcrypto; empty: searched in the system's places
 };
 
-// Refuses a model unless this is the signer's signature of its very bytes. Empty: it has none.
+// Throws unless `signature` is the signer's signature of exactly these bytes. An empty signature means that the model has none.
 void check_signature(const ModelFile& model, const Signer& signer, const Bytes& signature);
 
 }  // namespace endosdk

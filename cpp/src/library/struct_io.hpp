@@ -1,4 +1,4 @@
-// Structs of the C interface, read and written by the size that their caller knows.
+// Reads and writes structs of the C interface, with the size that the caller knows.
 #pragma once
 
 #include <endosdk/endosdk.h>
@@ -11,7 +11,7 @@
 
 namespace endosdk {
 
-constexpr size_t largest_struct = 65536;  // beyond it struct_size was surely never set
+constexpr size_t largest_struct = 65536;  // a larger struct_size was certainly never set
 
 inline void check_struct_size(size_t size, size_t first, const char* argument) {
   require(size >= first && size <= largest_struct, ENDO_INVALID_ARGUMENT, Text(argument, ".struct_size"),
@@ -29,7 +29,7 @@ Struct known_fields(const Struct* given, size_t first, const char* argument) {
   return known;
 }
 
-// What only the caller knows must be zero.
+// Throws unless all fields that only the caller knows are zero.
 template <typename Struct>
 void check_newer_fields(const Struct* given, const char* argument) {
   const size_t size = given->struct_size;
