@@ -6,7 +6,9 @@
 namespace endosdk {
 namespace {
 
-constexpr int rows_apart = 16;
+// Of the pieces of a row, which fill a line of a cache, every sixteenth is read, and in the next row the one beside it.
+constexpr size_t piece = 64;
+constexpr size_t pieces_apart = 16;
 constexpr int patience_alone = 5;  // 0.2 s at 25 frames a second
 constexpr int patience_both = 25;
 
@@ -20,15 +22,14 @@ uint64_t mixed(uint64_t print, uint64_t value) {
 uint64_t print_of(const ImageView& image) {
   const size_t bytes = static_cast<size_t>(image.width) * static_cast<size_t>(image.channels);
   // Several at once: each waits for its own former value alone.
-  std::array<uint64_t, 4> prints;
-  constexpr size_t group = prints.size() * sizeof(uint64_t);
+  std::array<uint64_t, piece / sizeof(uint64_t)> prints;
   for (size_t k = 0; k < prints.size(); ++k) prints[k] = mixed(bytes + k, static_cast<uint64_t>(image.height));
-  for (int y = 0; y < image.height; y += rows_apart) {
+  for (int y = 0; y < image.height; ++y) {
     const uint8_t* const row = image.row(y);
-    for (size_t i = 0; i < bytes; i += group) {
+    for (size_t i = static_cast<size_t>(y) % pieces_apart * piece; i < bytes; i += pieces_apart * piece) {
       std::array<uint64_t, prints.size()> values{};
-      if (i + group <= bytes) {
-        std::memcpy(values.data(), row + i, group);
+      if (i + piece <= bytes) {
+        std::memcpy(values.data(), row + i, piece);
       } else {
         std::memcpy(values.data(), row + i, bytes - i);
       }

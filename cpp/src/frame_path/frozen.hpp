@@ -9,7 +9,7 @@
 
 namespace endosdk {
 
-// A number for the bytes of every sixteenth row.
+// A number for a sixteenth of the bytes, from all over the picture: it changes with whatever is sixteen rows high.
 uint64_t print_of(const ImageView& image);
 
 using Prints = std::array<uint64_t, 2>;  // of the left and the right frame

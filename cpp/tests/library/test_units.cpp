@@ -4,6 +4,7 @@
 
 #include "../check.hpp"
 #include "platform/json.hpp"
+#include "frame_path/frozen.hpp"
 #include "frame_path/latency.hpp"
 #include "maps/maps.hpp"
 #include "platform/sha256.hpp"
@@ -41,6 +42,33 @@ void what_16_bits_cannot_hold_reads_as_no_value() {
   write_u16({disparity.data(), nullptr, depth.data(), nullptr, reasons.data(), steps.data(), tenths.data()}, steps.size(), 0.1);
   CHECK((steps == std::vector<uint16_t>{0, 256, 65533, 0, 0, 0, 0, 0, 0}));
   CHECK((tenths == std::vector<uint16_t>{65535, 0, 0, 65535, 65535, 65535, 65535, 65535, 0}));
+}
+
+void what_is_sixteen_rows_high_changes_the_print_of_a_picture() {
+  constexpr int high = 16;
+  constexpr int height = 40;
+  for (const int width : {1, 40, 411}) {
+    std::vector<uint8_t> pixels(static_cast<size_t>(3 * width * height), 90);
+    const ImageView image = {pixels.data(), width, height, 3, ptrdiff_t{3} * width};
+    const uint64_t before = print_of(image);
+    const auto changes = [&](int y, int rows, int x, int bytes) {
+      const auto add = [&](int more) {
+        for (int i = 0; i < rows * bytes; ++i) {
+          uint8_t& value = pixels[static_cast<size_t>(3 * width * (y + i / bytes) + x + i % bytes)];
+          value = static_cast<uint8_t>(value + more);
+        }
+      };
+      add(1);
+      const bool changed = print_of(image) != before;
+      add(-1);
+      return changed;
+    };
+    for (int y = 0; y + high <= height; y += 3) {
+      for (int x = 0; x < 3 * width; x += 31) CHECK(changes(y, high, x, 1));
+    }
+    if (width > 400) CHECK(changes(3, 1, 30, 1200) && changes(4, 1, 0, 1200));
+    CHECK(print_of(image) == before);
+  }
 }
 
 void json_syntax_is_told_from_other_text() {
@@ -108,6 +136,7 @@ void quantiles_are_close_and_never_below() {
 int main() {
   sha256_gives_the_published_digests();
   sha256_pads_at_every_length();
+  what_is_sixteen_rows_high_changes_the_print_of_a_picture();
   what_16_bits_cannot_hold_reads_as_no_value();
   json_syntax_is_told_from_other_text();
   numbers_read_like_pythons();
