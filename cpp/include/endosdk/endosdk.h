@@ -179,7 +179,7 @@ typedef struct endo_options {
 /* Fill options with the defaults; struct_size is sizeof(endo_options). */
 ENDO_API endo_status endo_options_init(endo_options *options, size_t struct_size);
 
-/* Load a model file. options may be NULL; on failure *estimator is NULL. */
+/* Load a model file of at most 256 MiB. options may be NULL; on failure *estimator is NULL. */
 ENDO_API endo_status endo_open_file(const char *path, const endo_options *options, endo_estimator **estimator);
 
 /* Load a model from memory, for instance one you decrypted; the bytes may be freed afterwards. */

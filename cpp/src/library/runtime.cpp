@@ -35,8 +35,9 @@ std::vector<std::string> places(const std::string& path) {
 }
 
 std::string hash_of(const std::string& file) {
+  constexpr size_t most_bytes = size_t{1} << 30;
   std::string why;
-  const std::optional<std::vector<char>> bytes = system::read_file(file, why);
+  const std::optional<std::vector<char>> bytes = system::read_file(file, most_bytes, why);
   require(bytes.has_value(), ENDO_RUNTIME_MISSING, "runtime_library", "must be a file that can be read", file + ": " + why);
   return sha256(bytes->data(), bytes->size());
 }

@@ -95,9 +95,12 @@ std::string text_of(const Upsampling& u) {
   return text.str();
 }
 
+// Ours have 3 MB at most. Whoever wants more opens it from memory.
+constexpr size_t largest_model_file = size_t{256} << 20;
+
 ModelFile read_model(const std::string& path, const ModelProof& proof) {
   std::string why;
-  std::optional<std::vector<char>> bytes = system::read_file(path, why);
+  std::optional<std::vector<char>> bytes = system::read_file(path, largest_model_file, why);
   require(bytes.has_value(), ENDO_MODEL_NOT_FOUND, "path", "must be a model file that can be read",
           in_quotes(path) + ": " + why);
   ModelFile model;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -12,7 +13,7 @@ namespace endosdk::system {
 
 // ---- Shared libraries ----
 
-// Null where the file cannot be opened; `why` then says so.
+// Null where the file cannot be opened, or the path leads to something else than a regular file; `why` then says so.
 void* open_library(const std::string& file, std::string& why);
 void close_library(void* library);
 bool is_loaded(const std::string& file);
@@ -41,8 +42,13 @@ bool set_environment(const char* name, const char* value);
 
 // ---- Files ----
 
-// The bytes of a regular file. None where there is none or it cannot be read; `why` then says so. Never waits for a pipe.
-std::optional<std::vector<char>> read_file(const std::string& path, std::string& why);
+// The bytes of a regular file. None where there is none, it is larger or it cannot be read; `why` then says so. Never waits for
+// a pipe.
+std::optional<std::vector<char>> read_file(const std::string& path, size_t most_bytes, std::string& why);
+
+inline std::string too_large(uintmax_t bytes, size_t most_bytes) {
+  return std::to_string(bytes) + " bytes, more than " + std::to_string(most_bytes);
+}
 
 // ---- Processor, memory and threads ----
 

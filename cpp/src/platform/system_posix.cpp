@@ -51,9 +51,19 @@ void add_matches(const std::string& pattern, std::vector<std::string>& paths) {
   globfree(&found);
 }
 
+// The loader would wait for ever for somebody who writes to a pipe. Where it looks for a bare name is its own affair.
+bool can_be_opened(const std::string& file) {
+  struct stat status{};
+  return file.find('/') == std::string::npos || stat(file.c_str(), &status) != 0 || S_ISREG(status.st_mode);
+}
+
 }  // namespace
 
 void* open_library(const std::string& file, std::string& why) {
+  if (!can_be_opened(file)) {
+    why = file + ": no regular file";
+    return nullptr;
+  }
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) why = dlerror();
   return library;
@@ -62,6 +72,7 @@ void* open_library(const std::string& file, std::string& why) {
 void close_library(void* library) { dlclose(library); }
 
 bool is_loaded(const std::string& file) {
+  if (!can_be_opened(file)) return false;
   void* library = dlopen(file.c_str(), RTLD_LAZY | RTLD_NOLOAD);
   if (library != nullptr) dlclose(library);
   return library != nullptr;
@@ -116,8 +127,8 @@ std::optional<std::string> trusted_environment(const char* name) {
 
 bool set_environment(const char* name, const char* value) { return setenv(name, value, 1) == 0; }
 
-std::optional<std::vector<char>> read_file(const std::string& path, std::string& why) {
-  const auto failed = [&](const char* reason) {
+std::optional<std::vector<char>> read_file(const std::string& path, size_t most_bytes, std::string& why) {
+  const auto failed = [&](const std::string& reason) {
     why = reason;
     return std::nullopt;
   };
@@ -132,6 +143,7 @@ std::optional<std::vector<char>> read_file(const std::string& path, std::string&
   struct stat status{};
   if (fstat(descriptor, &status) != 0) return failed(std::strerror(errno));
   if (!S_ISREG(status.st_mode)) return failed("no regular file");
+  if (static_cast<uintmax_t>(status.st_size) > most_bytes) return failed(too_large(static_cast<uintmax_t>(status.st_size), most_bytes));
   std::vector<char> bytes(static_cast<size_t>(status.st_size));
   if (std::fread(bytes.data(), 1, bytes.size(), file.get()) != bytes.size()) return failed(std::strerror(EIO));
   return bytes;

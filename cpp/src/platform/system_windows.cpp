@@ -56,6 +56,11 @@ void* open_library(const std::string& file, std::string& why) {
   std::filesystem::path place = wide(file);
   const bool path = place.has_parent_path();
   if (path) place = std::filesystem::absolute(place).make_preferred();
+  std::error_code unknown;
+  if (path && std::filesystem::exists(place, unknown) && !std::filesystem::is_regular_file(place, unknown)) {
+    why = file + ": no regular file";
+    return nullptr;
+  }
   const DWORD search = LOAD_LIBRARY_SEARCH_DEFAULT_DIRS | (path ? LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR : 0u);
   HMODULE library = LoadLibraryExW(place.c_str(), nullptr, search);
   if (library == nullptr) why = file + ": " + reason();
@@ -109,7 +114,7 @@ std::optional<std::string> trusted_environment(const char* name) {
 
 bool set_environment(const char* name, const char* value) { return _putenv_s(name, value) == 0; }
 
-std::optional<std::vector<char>> read_file(const std::string& path, std::string& why) {
+std::optional<std::vector<char>> read_file(const std::string& path, size_t most_bytes, std::string& why) {
   const std::filesystem::path place = wide(path);
   std::error_code error;
   const auto failed = [&](const std::string& reason) {
@@ -121,6 +126,7 @@ std::optional<std::vector<char>> read_file(const std::string& path, std::string&
   if (kind != std::filesystem::file_type::regular) return failed("no regular file");
   const auto size = std::filesystem::file_size(place, error);
   if (error) return failed(error.message());
+  if (size > most_bytes) return failed(too_large(size, most_bytes));
   std::vector<char> bytes(static_cast<size_t>(size));
   std::ifstream file(place, std::ios::binary);
   if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return failed("cannot be read");

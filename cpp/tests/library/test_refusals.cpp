@@ -72,15 +72,28 @@ void libcrypto_is_opened_for_a_signature_alone(const Places& at) {
 }
 
 // Nobody writes to this pipe, so whoever waits for it waits forever.
-void a_pipe_is_no_model(const Places& at) {
-  const std::string pipe = "pipe-" + std::to_string(getpid());
+void a_pipe_is_no_model_and_no_library(const Places& at) {
+  const std::string pipe = "./pipe-" + std::to_string(getpid());
   CHECK(mkfifo(pipe.c_str(), 0600) == 0);
   alarm(20);
-  const endo_options options = default_options(at);
+  endo_options options = default_options(at);
   endo_estimator* handle = nullptr;
   expect(endo_open_file(pipe.c_str(), &options, &handle), ENDO_MODEL_NOT_FOUND, "regular file");
+  options.runtime_library = pipe.c_str();
+  expect(endo_open_file(at.model.c_str(), &options, &handle), ENDO_RUNTIME_MISSING, "no regular file");
   alarm(0);
   CHECK(unlink(pipe.c_str()) == 0);
+}
+
+// Nothing of it is read, nor is there memory for it. The file has a hole in place of its bytes.
+void a_file_too_large_for_a_model_is_refused(const Places& at) {
+  const std::string name = "large-" + std::to_string(getpid());
+  std::ofstream(name).close();
+  CHECK(truncate(name.c_str(), (off_t{256} << 20) + 1) == 0);
+  const endo_options options = default_options(at);
+  endo_estimator* handle = nullptr;
+  expect(endo_open_file(name.c_str(), &options, &handle), ENDO_MODEL_NOT_FOUND, "268435457 bytes, more than 268435456");
+  CHECK(unlink(name.c_str()) == 0);
 }
 
 // A caller compiled against a later header whose structs have grown.
@@ -255,7 +268,8 @@ int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   libcrypto_is_opened_for_a_signature_alone(at);
   bad_openings_are_refused(at);
-  a_pipe_is_no_model(at);
+  a_pipe_is_no_model_and_no_library(at);
+  a_file_too_large_for_a_model_is_refused(at);
   structs_may_be_longer_than_this_library_knows(at);
   bad_calibrations_are_refused_and_change_nothing(at);
   bad_frames_are_refused_and_read_as_no_answer(at);
