@@ -247,7 +247,7 @@ def test_a_temporal_stream_goes_on_after_a_frame_that_failed():
 
 def test_frames_of_another_size_are_refused_for_what_they_are():
     left, right = shifted_pair(*SIZE, 9)
-    with pytest.raises(errors.InvalidArgument, match=r"left: must have the size of the stream's first frame, 160x96"):
+    with pytest.raises(errors.InvalidArgument, match=r"left: must have the size of the stream, 160x96"):
         list(DepthEstimator(TINY_MODEL).stream([(left, right), (left[:80], right[:80])]))
 
 

@@ -63,7 +63,7 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag, Clock
   check_pair(pair);
   path_->check_stamp(pair);
   const Size size = size_;
-  require(pair.size() == size, "left", Text("must have the size of the stream's first frame, ", size), pair.size());
+  require(pair.size() == size, "left", Text("must have the size of the stream, ", size), pair.size());
   check_maps(maps, size, rig_ != nullptr);
   const bool room = wait_for_room();
   require(room, "stream", "must not have ended", "an ended one");

@@ -29,14 +29,15 @@ void bad_openings_are_refused(const Places& at) {
   refused([](O& o) { o.model_sha256 = zeros.c_str(); }, ENDO_MODEL_HASH_MISMATCH, "SHA-256");
   refused([](O& o) { o.model_sha256 = ""; }, ENDO_INVALID_ARGUMENT, "model_sha256");
   refused([](O& o) { o.runtime_library = ""; }, ENDO_INVALID_ARGUMENT, "runtime_library");
-  refused([](O& o) { o.threads = -1; }, ENDO_INVALID_ARGUMENT, "threads");
+  // Where Python names a setting otherwise, the text says how C does.
+  refused([](O& o) { o.threads = -1; }, ENDO_INVALID_ARGUMENT, "threads: must be a whole number, 1 to 256; in C also 0");
   refused([](O& o) { o.spinning = 2; }, ENDO_INVALID_ARGUMENT, "spinning");
   refused([](O& o) { o.log_level = 0; }, ENDO_INVALID_ARGUMENT, "log_level");
-  refused([](O& o) { o.network_width = 64; }, ENDO_INVALID_ARGUMENT, "network_size");
+  refused([](O& o) { o.network_width = 64; }, ENDO_INVALID_ARGUMENT, "network_width and network_height");
   refused([](O& o) { o.min_confidence = 1.5; }, ENDO_INVALID_ARGUMENT, "min_confidence");
   refused([](O& o) { o.min_confidence = std::nan(""); }, ENDO_INVALID_ARGUMENT, "min_confidence");
-  refused([](O& o) { o.min_depth_mm = -1; }, ENDO_INVALID_ARGUMENT, "depth_range_mm");
-  refused([](O& o) { o.max_depth_mm = 0; }, ENDO_INVALID_ARGUMENT, "depth_range_mm");
+  refused([](O& o) { o.min_depth_mm = -1; }, ENDO_INVALID_ARGUMENT, "min_depth_mm and max_depth_mm");
+  refused([](O& o) { o.max_depth_mm = 0; }, ENDO_INVALID_ARGUMENT, "min_depth_mm and max_depth_mm");
   refused([](O& o) { o.depth_unit_mm = 0; }, ENDO_INVALID_ARGUMENT, "depth_unit_mm");
   refused([](O& o) { o.deadline_ms = -1; }, ENDO_INVALID_ARGUMENT, "deadline_ms");
   refused([](O& o) { o.struct_size = 5; }, ENDO_INVALID_ARGUMENT, "struct_size");

@@ -104,7 +104,7 @@ void bad_frames_are_refused_and_the_stream_goes_on(const Places& at) {
   const OpenedStream stream(estimator);
   const Pair pair(width, height, 9);
   Output out(2 * pixels);
-  expect(stream.submit(Pair(width, height + 8, 9), out.result), ENDO_INVALID_ARGUMENT, "the stream's first frame");
+  expect(stream.submit(Pair(width, height + 8, 9), out.result), ENDO_INVALID_ARGUMENT, "left: must have the size of the stream, 160x96");
   CHECK(out.result.quality == ENDO_QUALITY_INVALID && std::isnan(out.disparity[0]));
   Output metric(pixels, true);
   expect(stream.submit(pair, metric.result), ENDO_CALIBRATION_REQUIRED, "endo_set_calibration");
