@@ -9,5 +9,6 @@ PYBIND11_MODULE(_core, m) {
   endosdk::bind_kernels(m);
   endosdk::bind_frame_path(m);
   endosdk::bind_measure(m);
+  endosdk::bind_models(m);
   endosdk::bind_model_functions(m);
 }

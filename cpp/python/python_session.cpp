@@ -4,7 +4,8 @@
 #include <pybind11/stl.h>
 
 #include <map>
-#include <optional>
+
+#include "metadata_lookup.hpp"
 
 namespace py = pybind11;
 
@@ -23,11 +24,7 @@ py::array_t<float> map(const MutableFloatView& view) { return array_over(view.da
 
 ModelInfo info_of(const py::object& session) {
   const auto metadata = py::cast<std::map<std::string, std::string>>(session.attr("metadata"));
-  const auto lookup = [&](const std::string& key) -> std::optional<std::string> {
-    const auto found = metadata.find(key);
-    return found == metadata.end() ? std::nullopt : std::optional(found->second);
-  };
-  return parse_metadata(lookup, py::cast<std::string>(session.attr("sha256")));
+  return parse_metadata(lookup_in(metadata), py::cast<std::string>(session.attr("sha256")));
 }
 
 }  // namespace
