@@ -7,27 +7,28 @@ A complete program, for a rig whose frames are already rectified:
     #include <stdlib.h>
 
     static uint8_t left_pixels[720 * 960 * 3], right_pixels[720 * 960 * 3];
-    static float disparity[720 * 960], confidence[720 * 960];
+    static float disparity[720 * 960];
+    static uint8_t reasons[720 * 960];
 
     int main(void) {
         endo_options options;
         endo_options_init(&options, sizeof options);
         endo_estimator *estimator = NULL;
-        if (endo_open_file("fast.onnx", &options, &estimator) != ENDO_OK) {
+        if (endo_open_file("fast.onnx", &options, &estimator) != ENDO_OK || endo_prepare(estimator, 960, 720) != ENDO_OK) {
             fprintf(stderr, "%s\n", endo_last_error());
             return EXIT_FAILURE;
         }
-        endo_prepare(estimator, 960, 720);
+        const int middle = 360 * 960 + 480;
         endo_image left = {sizeof left, ENDO_RGB8, left_pixels, 960, 720, 0};
         endo_image right = {sizeof right, ENDO_RGB8, right_pixels, 960, 720, 0};
         endo_result result = {.struct_size = sizeof result, .capacity = 960 * 720,
-                              .disparity = disparity, .confidence = confidence};
+                              .disparity = disparity, .reasons = reasons};
         while (fread(left_pixels, sizeof left_pixels, 1, stdin) == 1 &&
                fread(right_pixels, sizeof right_pixels, 1, stdin) == 1) {
             if (endo_predict(estimator, &left, &right, &result) != ENDO_OK) {
                 fprintf(stderr, "%s\n", endo_last_error());
-            } else if (result.quality != ENDO_QUALITY_INVALID) {
-                printf("frame %d: %.1f px in the middle\n", (int)result.frame, disparity[360 * 960 + 480]);
+            } else if (result.quality != ENDO_QUALITY_INVALID && reasons[middle] == 0) {
+                printf("frame %d: %.1f px in the middle\n", (int)result.frame, disparity[middle]);
             }
         }
         endo_close(estimator);

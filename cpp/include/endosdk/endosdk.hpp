@@ -51,6 +51,13 @@ inline endo_calibration calibration() {
   return rig;
 }
 
+// From the text of a rig file of endosdk.
+inline endo_calibration read_calibration(const std::string& text) {
+  endo_calibration rig = calibration();
+  check(endo_read_calibration(text.data(), text.size(), &rig));
+  return rig;
+}
+
 // A view of pixels that stay yours; stride in bytes, 0 for rows without gaps.
 inline endo_image image(const uint8_t* data, int width, int height, endo_pixel_format format = ENDO_RGB8,
                         int64_t stride = 0) {
@@ -130,6 +137,12 @@ class Estimator {
 
   void predict(const endo_image& left, const endo_image& right, Maps& maps) { predict(left, right, maps.tied()); }
 
+  // The pair that the maps lie over, at its own size. Either output may be null.
+  void rectify(const endo_image& left, const endo_image& right, uint8_t* rectified_left, uint8_t* rectified_right,
+               size_t capacity) {
+    check(endo_rectify(get(), &left, &right, rectified_left, rectified_right, capacity));
+  }
+
   // Copies of the latest pair as the network saw it.
   void rectified(uint8_t* left, uint8_t* right, size_t capacity) const {
     check(endo_get_rectified(get(), left, right, capacity));
@@ -177,6 +190,9 @@ class Stream {
   // Steady in time; to be chosen before the first frame.
   void set_temporal(bool on) { check(endo_stream_set_temporal(handle_.get(), on ? 1 : 0)); }
 
+  // Corrects the rectification slowly where the rig has moved.
+  void follow_rig() { check(endo_stream_follow_rig(handle_.get())); }
+
   // The maps must live, untouched, until they are received.
   void submit(const endo_image& left, const endo_image& right, Maps& maps) {
     check(endo_stream_submit(handle_.get(), &left, &right, &maps.tied()));
@@ -199,6 +215,58 @@ class Stream {
   int32_t lanes_ = 0;
   std::unique_ptr<endo_stream, Close> handle_;
 };
+
+// ---- Measuring. Pixels are x and y, one after the other. ----
+
+// How many there are, of so many numbers each.
+inline size_t whole(const std::vector<double>& numbers, size_t each) {
+  if (numbers.size() % each != 0) throw Error(ENDO_INVALID_ARGUMENT, "the last pixel or point lacks a number [INVALID_ARGUMENT]");
+  return numbers.size() / each;
+}
+
+inline endo_point point_at(const endo_calibration& rig, const endo_result& result, double x, double y) {
+  endo_point point = {};
+  point.struct_size = sizeof point;
+  check(endo_point_at(&rig, &result, x, y, &point));
+  return point;
+}
+
+inline endo_measured path_length(const endo_calibration& rig, const endo_result& result, const std::vector<double>& pixels) {
+  endo_measured length = {};
+  length.struct_size = sizeof length;
+  check(endo_path_length(&rig, &result, pixels.data(), whole(pixels, 2), &length));
+  return length;
+}
+
+inline endo_area area_inside(const endo_calibration& rig, const endo_result& result, const std::vector<double>& pixels) {
+  endo_area area = {};
+  area.struct_size = sizeof area;
+  check(endo_area_inside(&rig, &result, pixels.data(), whole(pixels, 2), &area));
+  return area;
+}
+
+inline endo_rectification rectification(const endo_calibration& rig, double alpha = 0.0) {
+  endo_rectification found = {};
+  found.struct_size = sizeof found;
+  check(endo_get_rectification(&rig, alpha, &found));
+  return found;
+}
+
+inline std::vector<double> raw_to_rectified(const endo_calibration& rig, bool right, std::vector<double> pixels, double alpha = 0.0) {
+  check(endo_raw_to_rectified(&rig, alpha, right ? 1 : 0, pixels.data(), whole(pixels, 2), pixels.data()));
+  return pixels;
+}
+
+inline std::vector<double> rectified_to_raw(const endo_calibration& rig, bool right, std::vector<double> pixels, double alpha = 0.0) {
+  check(endo_rectified_to_raw(&rig, alpha, right ? 1 : 0, pixels.data(), whole(pixels, 2), pixels.data()));
+  return pixels;
+}
+
+// Points, x y z each.
+inline std::vector<double> to_raw_left(const endo_calibration& rig, std::vector<double> points) {
+  check(endo_to_raw_left(&rig, points.data(), whole(points, 3), points.data()));
+  return points;
+}
 
 }  // namespace endo
 

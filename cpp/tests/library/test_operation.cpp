@@ -148,6 +148,19 @@ void the_wrapper_throws_and_frees(const Places& at) {
   stream.submit(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
   stream.end();
   CHECK(stream.lanes() >= 1 && stream.receive() == &maps.result && maps.result.frame == 2 && stream.receive() == nullptr);
+  const endo_calibration rig = raw_rig(width, height);
+  const endo_point point = endo::point_at(rig, maps.result, 80, 48);
+  CHECK(std::fabs(point.xyz[2] - static_cast<double>(maps.depth[48 * width + 80])) < 0.1);
+  CHECK(endo::path_length(rig, maps.result, {70, 40, 90, 40}).value > 0.0);
+  CHECK(endo::area_inside(rig, maps.result, {70, 40, 90, 40, 90, 56}).flat > 0.0);
+  CHECK(endo::rectification(rig).q[14] > 0.0);
+  const std::vector<double> raw = endo::rectified_to_raw(rig, true, {80, 48});
+  CHECK(std::fabs(endo::raw_to_rectified(rig, true, raw)[0] - 80.0) < 1e-3);
+  CHECK(std::fabs(endo::to_raw_left(rig, {0, 0, 100})[2] - 100.0) < 1.0);
+  std::vector<uint8_t> left(3 * pixels);
+  estimator.rectify(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), left.data(),
+                    nullptr, left.size());
+  endo::Stream(estimator, width, height).follow_rig();
   estimator.remove_calibration();
   endo_status status = ENDO_OK;
   try {
@@ -157,6 +170,18 @@ void the_wrapper_throws_and_frees(const Places& at) {
     CHECK(std::strstr(error.what(), "CALIBRATION_REQUIRED") != nullptr);
   }
   CHECK(status == ENDO_CALIBRATION_REQUIRED);
+  try {
+    endo::path_length(rig, maps.result, {70, 40, 90});
+  } catch (const endo::Error& error) {
+    status = error.status();
+  }
+  CHECK(status == ENDO_INVALID_ARGUMENT);
+  try {
+    endo::read_calibration("no rig");
+  } catch (const endo::Error& error) {
+    status = error.status();
+  }
+  CHECK(status == ENDO_CALIBRATION_UNREADABLE);
   estimator.self_test();
   estimator.cancel();
   CHECK(estimator.diagnostics().front() == '{' && estimator.diagnostics().back() == '}');
