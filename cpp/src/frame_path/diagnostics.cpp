@@ -36,6 +36,9 @@ JsonObject FramePath::diagnostics() const {
     }
   }
   report.number("nearest_depth_mm", nearest_depth_mm()).number("deadline_ms", settings_.deadline_ms).number("max_age_ms", settings_.max_age_ms);
+  const Limits& limits = settings_.limits;  // no farthest depth is null
+  report.number("min_confidence", limits.min_confidence).number("min_depth_mm", limits.min_depth_mm)
+      .number("max_depth_mm", limits.max_depth_mm).number("depth_unit_mm", limits.depth_unit_mm);
   const Counters::Snapshot c = counters_.snapshot();
   report.count("frames", c.frames).count("failed", c.failed).count("late", c.late);
   JsonObject causes;  // frames that each was raised for

@@ -6,6 +6,7 @@
 namespace endosdk {
 
 const char* version_text();
+const char* commit_text();
 
 // A JSON text that is written when the library is built.
 const char* build_info();

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <memory>
 #include <mutex>
+#include <new>
+#include <string>
 #include <vector>
 
 #include "geometry/rig_file.hpp"
@@ -47,10 +49,20 @@ class Callers {
   int count_ = 0;
 };
 
+// What was asked for, and the frame path does not know.
+struct OpenedWith {
+  bool spinning = false;
+  bool model_pinned = false;
+  bool model_signed = false;
+  bool runtime_pinned = false;
+  int log_level = ENDO_LOG_WARNING;
+};
+
 }  // namespace
 
 struct endo_estimator {
   std::shared_ptr<FramePath> path;
+  OpenedWith with{};
   // Of all its streams. Shared with them: they may end after it.
   std::shared_ptr<endosdk::ResultsInFlight> in_flight{};
   endosdk::OwnProcess process{};
@@ -97,6 +109,19 @@ void with(endo_estimator* estimator, const Body& body) {
   body(*estimator->path);
 }
 
+// One line for the log of a device: what computes from now on.
+void log_identity(const FramePath& path) {
+  const endosdk::Log& log = path.settings().log;
+  if (log.function == nullptr || log.level < ENDO_LOG_INFO) return;
+  const std::shared_ptr<const endosdk::Identity> now = path.identity();
+  const auto hash = [](const std::string& sha256) { return sha256.empty() ? std::string("none") : "sha256 " + sha256; };
+  const std::string line = "endosdk " + now->endosdk + " (" + endosdk::commit_text() + "), model " + now->model + " " +
+                           now->model_version + " (" + hash(now->model_sha256) + "), calibration (" +
+                           hash(now->calibration_sha256) + "), ONNX Runtime " + now->runtime + " (" +
+                           hash(now->runtime_sha256) + "), " + now->provider;
+  log(ENDO_LOG_INFO, line.c_str());
+}
+
 template <typename ReadModel>
 endo_status open(const endo_options* options, endo_estimator** estimator, const ReadModel& read) {
   return guarded([&] {
@@ -115,8 +140,11 @@ endo_status open(const endo_options* options, endo_estimator** estimator, const 
     }
     auto session = std::make_shared<endosdk::OrtStereoSession>(endosdk::Runtime::open(request.runtime_library, request.runtime_sha256, log),
                                                                std::move(model), request.session, log);
-    *estimator = new endo_estimator{std::make_shared<FramePath>(std::move(session), request.settings),
-                                    std::make_shared<endosdk::ResultsInFlight>()};
+    auto path = std::make_shared<FramePath>(std::move(session), request.settings);
+    log_identity(*path);
+    const OpenedWith with = {request.session.spinning, !proof.sha256.empty(), proof.signature != nullptr,
+                             !request.runtime_sha256.empty(), log.level};
+    *estimator = new endo_estimator{std::move(path), with, std::make_shared<endosdk::ResultsInFlight>()};
   });
 }
 
@@ -195,6 +223,11 @@ endo_status endo_set_calibration(endo_estimator* estimator, const endo_calibrati
   return guarded([&] {
     with(estimator, [&](FramePath& path) {
       path.set_calibration(calibration != nullptr ? std::optional(endosdk::read_rig(*calibration)) : std::nullopt);
+      try {
+        log_identity(path);
+      } catch (const std::bad_alloc&) {
+        // The line is lost; the calibration is set.
+      }
     });
   });
 }
@@ -271,7 +304,11 @@ endo_status endo_get_diagnostics(endo_estimator* estimator, char* buffer, size_t
     if (buffer != nullptr && size > 0) buffer[0] = '\0';
     std::string report;
     with(estimator, [&](FramePath& path) {
-      report = path.diagnostics().text("endosdk", endosdk::version_text()).raw("build", endosdk::build_info()).done();
+      const OpenedWith& asked = estimator->with;
+      report = path.diagnostics().flag("spinning", asked.spinning).flag("model_pinned", asked.model_pinned)
+                   .flag("model_signed", asked.model_signed).flag("runtime_pinned", asked.runtime_pinned)
+                   .count("log_level", static_cast<uint64_t>(asked.log_level)).text("endosdk", endosdk::version_text())
+                   .raw("build", endosdk::build_info()).done();
     });
     if (needed != nullptr) *needed = report.size() + 1;
     if (buffer == nullptr) return;

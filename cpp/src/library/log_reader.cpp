@@ -22,8 +22,9 @@ void ORT_API_CALL LogReader::forward(void* reader, OrtLoggingLevel severity, con
   }
 }
 
+// Of its own progress the runtime tells hundreds of lines for each session, between which ours would be lost.
 OrtLoggingLevel LogReader::severity() const {
-  return log_.level >= ENDO_LOG_INFO ? ORT_LOGGING_LEVEL_INFO : ORT_LOGGING_LEVEL_ERROR;
+  return log_.level >= ENDO_LOG_INFO ? ORT_LOGGING_LEVEL_WARNING : ORT_LOGGING_LEVEL_ERROR;
 }
 
 const Placement& LogReader::stop_reading() {

@@ -74,6 +74,33 @@ void diagnostics_fit_or_say_so(const Places& at) {
   CHECK(std::string(endo_status_name(99)) == "UNKNOWN");
 }
 
+// Whoever reads the log or a report of a device must see what computed, and with which settings.
+void log_and_diagnostics_say_what_computes(const Places& at) {
+  Lines lines;
+  endo_options options = default_options(at);
+  options.log = Lines::add;
+  options.log_context = &lines;
+  options.log_level = ENDO_LOG_INFO;
+  options.min_confidence = 0.5;
+  options.max_depth_mm = 90.0;
+  options.spinning = 1;
+  const Opened estimator(at, options);
+  CHECK(lines.seen.size() <= 4);  // ours, and not those of the runtime
+  const std::string opened = lines.seen.back();
+  for (const char* word : {"endosdk ", "model tiny-for-tests ", "calibration (none)", "ONNX Runtime ", "CPUExecutionProvider"}) {
+    CHECK(opened.find(word) != std::string::npos);
+  }
+  const endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  CHECK(lines.seen.back().find("calibration (sha256 ") != std::string::npos);
+  std::vector<char> text(8192);
+  CHECK(endo_get_diagnostics(estimator.get(), text.data(), text.size(), nullptr) == ENDO_OK);
+  for (const char* field : {"\"min_confidence\":0.5,", "\"min_depth_mm\":0.0,", "\"max_depth_mm\":90.0,", "\"depth_unit_mm\":0.1,",
+                            "\"spinning\":true,", "\"model_pinned\":false,", "\"runtime_pinned\":false,", "\"log_level\":3,"}) {
+    CHECK(std::strstr(text.data(), field) != nullptr);
+  }
+}
+
 void a_running_frame_can_be_cancelled(const Places& at) {
   const Opened estimator(at);
   constexpr int w = 1280;
@@ -195,6 +222,7 @@ int main(int argc, char** argv) {
   logs_hold_nothing_of_the_pictures(at);
   an_exception_of_the_host_does_not_cross(at);
   diagnostics_fit_or_say_so(at);
+  log_and_diagnostics_say_what_computes(at);
   a_running_frame_can_be_cancelled(at);
   threads_do_not_disturb_each_other(at, false);
   threads_do_not_disturb_each_other(at, true);
