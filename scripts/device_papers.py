@@ -64,7 +64,13 @@ def components() -> list[dict[str, Any]]:
     """Return the components, each with its version."""
     locked = dict(re.findall(r"^([\w-]+)==([\w.]+)", (ROOT / "constraints-release.txt").read_text(), re.MULTILINE))
     listed = tomllib.loads((FOLDER / "components.toml").read_text())["component"]
-    return [{**entry, "version": locked[entry["name"]]} for entry in listed]
+    return [{**entry, "version": entry.get("version") or locked[entry["name"]]} for entry in listed]
+
+
+def _purl(entry: dict[str, Any]) -> PackageURL:
+    if "purl" in entry:
+        return PackageURL.from_string(entry["purl"])
+    return PackageURL("pypi", name=entry["name"], version=entry["version"])
 
 
 @cache
@@ -115,7 +121,7 @@ def _component(entry: dict[str, Any]) -> Component:
         scope=ComponentScope.EXCLUDED if entry["in"] == ["build"] else ComponentScope.REQUIRED,
         supplier=OrganizationalEntity(name=entry["supplier"]),
         licenses=[LicenseExpression(entry["licence"])],
-        purl=PackageURL("pypi", name=entry["name"], version=entry["version"]),
+        purl=_purl(entry),
         description=entry["purpose"],
         external_references=[ExternalReference(type=ExternalReferenceType.WEBSITE, url=XsUri(entry["site"]))],
     )
@@ -169,12 +175,11 @@ def _package(name: str, number: str, entry: dict[str, Any] | None) -> Package:
         license_concluded=SpdxNoAssertion(),
     )
     if entry is not None:
-        purl = PackageURL("pypi", name=name, version=number).to_string()
         package.license_declared = get_spdx_licensing().parse(entry["licence"])
         package.supplier = Actor(ActorType.ORGANIZATION, entry["supplier"])
         package.homepage = entry["site"]
         package.external_references = [
-            ExternalPackageRef(ExternalPackageRefCategory.PACKAGE_MANAGER, "purl", purl),
+            ExternalPackageRef(ExternalPackageRefCategory.PACKAGE_MANAGER, "purl", _purl(entry).to_string()),
         ]
     return package
 
@@ -207,10 +212,15 @@ def notices() -> str:
     """Return the licences of what is compiled into the packages, in their own words."""
     lines = ["# Notices of third parties", "", "Parts of these are compiled into the packages of endosdk."]
     for entry in (entry for entry in components() if "inside" in entry["in"]):
-        files = importlib.metadata.files(entry["name"]) or []
-        text = next(file for file in files if file.name == "LICENSE").read_text()
-        lines += ["", f"## {entry['name']} {entry['version']}", "", "```", text.rstrip(), "```"]
+        lines += ["", f"## {entry['name']} {entry['version']}", "", "```", _licence_text(entry).rstrip(), "```"]
     return "\n".join(lines) + "\n"
+
+
+def _licence_text(entry: dict[str, Any]) -> str:
+    if "licence_file" in entry:
+        return (FOLDER / entry["licence_file"]).read_text()
+    files = importlib.metadata.files(entry["name"]) or []
+    return next(file for file in files if file.name == "LICENSE").read_text()
 
 
 def main() -> None:

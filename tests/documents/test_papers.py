@@ -27,7 +27,15 @@ def test_every_dependency_is_a_component_of_a_locked_version():
 
 def test_no_locked_version_lacks_a_component():
     locked = re.findall(r"^([\w-]+)==", (ROOT / "constraints-release.txt").read_text(), re.MULTILINE)
-    assert sorted(locked) == sorted(entry["name"] for entry in papers.components())
+    packages = [entry for entry in papers.components() if "comes_with" not in entry]
+    assert sorted(locked) == sorted(entry["name"] for entry in packages)
+
+
+def test_what_a_release_tool_links_in_is_listed_with_the_tool_that_is_used():
+    used = (ROOT / "scripts" / "release_files.sh").read_text()
+    brought = {entry["name"]: entry["comes_with"] for entry in papers.components() if "comes_with" in entry}
+    assert "llvm-runtimes" in brought
+    assert all(f" {pin} " in used for pin in brought.values())
 
 
 def test_the_papers_are_those_that_the_script_writes():
