@@ -357,7 +357,8 @@ def test_held_out_pairs_are_not_trained_on(dataset_root):
 def test_a_run_says_on_how_many_pairs_it_learned(dataset_root, tmp_path):
     train(settings(dataset_root, steps=1, train_pairs=5), tmp_path)
     name, sha256 = "warped", open_dataset(dataset_root, "train").sha256
-    noted = {"name": name, "sha256": sha256, "pairs": 5, "held_out": 2, "beyond_range": 0.0}
+    splits = [open_dataset(dataset_root, "train").split_sha256]
+    noted = {"name": name, "sha256": sha256, "splits": splits, "pairs": 5, "held_out": 2, "beyond_range": 0.0}
     assert checkpoint.load(tmp_path).state["dataset"] == noted
     assert json.loads((tmp_path / "log.json").read_text())["dataset"] == noted
 

@@ -9,6 +9,7 @@ import pytest
 from endosdk.commands.cli import main
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.writer import write_dataset_record, write_sample
+from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import shipped_weights
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -137,18 +138,51 @@ def test_a_layout_without_test_pairs_is_scored_on_those_with_truth(tmp_path, mon
         monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
     for given in ({}, {"data": tmp_path / "kitti", "layout": "kitti"}):
         report = release(checkpoint.load(run), tmp_path / "m.onnx", version="1", **given)
-        assert (report["training"]["test"]["split"], report["training"]["test"]["pairs"]) == ("train", 2)
+        assert (report["training"]["test"]["split"], report["training"]["test"]["pairs"]) == ("held out", 1)
+    assert cv2.imwrite(str(tmp_path / "kitti/training/image_2/000001_10.png"), wide[:, 1:161])
+    with pytest.raises(InvalidArgument, match="data: must name other pairs: the set has changed"):
+        release(checkpoint.load(run), tmp_path / "m.onnx", version="1")
+
+
+def write_plain(root, pairs):
+    for number in range(pairs):
+        picture = np.full((64, 128, 3), 90 + number, np.uint8)
+        (root / f"{number}").mkdir(parents=True)
+        for name, content in (
+            ("left", picture),
+            ("right", picture),
+            ("disparity", np.full((64, 128), 9 * 256, np.uint16)),
+        ):
+            assert cv2.imwrite(str(root / f"{number}/{name}.png"), content)
+
+
+def test_no_pair_that_was_trained_on_is_scored_as_a_test(tmp_path, monkeypatch):
+    """A plain folder serves as both splits."""
+    for name, pairs in (("mine", 3), ("others", 2)):
+        write_plain(tmp_path / name, pairs)
+    common = {"network": "fast", "max_disparity": 48, "crop": (64, 128), "inference_width": 128, "batch": 1}
+    data = {"data": (str(tmp_path / "mine"),), "layout": "plain"}
+    for slow in ("export_model", "check_parity"):
+        monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
+    run = checkpoint.load(train(TrainConfig(**common, **data, held_out=1, steps=1), tmp_path / "run"))
+
+    def scored(run, **given):
+        test = release(run, tmp_path / "m.onnx", version="1", **given)["training"]["test"]
+        return test["name"], test["split"], test["pairs"]
+
+    mine, others = ({"data": tmp_path / name, "layout": "plain"} for name in ("mine", "others"))
+    for given in ({}, mine):
+        assert scored(run, **given) == ("plain:mine", "held out", 1)
+    assert scored(run, **others) == ("plain:others", "test", 2)
+    checkpoint.save_weights(tmp_path / "kept.safetensors", run)  # they do not say where their data lies
+    assert scored(checkpoint.load(tmp_path / "kept.safetensors"), **mine) == ("plain:mine", "held out", 1)
+    none = checkpoint.load(train(TrainConfig(**common, **data, held_out=0, steps=1), tmp_path / "none"))
+    with pytest.raises(InvalidArgument, match="data: must name other pairs: the run was trained on all of these"):
+        release(none, tmp_path / "m.onnx", version="1")
 
 
 def test_plain_folders_can_be_trained_on(tmp_path):
-    picture = np.full((64, 128, 3), 90, np.uint8)
-    (tmp_path / "mine/0").mkdir(parents=True)
-    for name, content in (
-        ("left", picture),
-        ("right", picture),
-        ("disparity", np.full((64, 128), 9 * 256, np.uint16)),
-    ):
-        assert cv2.imwrite(str(tmp_path / f"mine/0/{name}.png"), content)
+    write_plain(tmp_path / "mine", 1)
     words = ["--data", str(tmp_path / "mine"), "--layout", "plain", "--out", str(tmp_path / "run"), "--held-out", "0"]
     size = ["--crop", "64", "128", "--inference-width", "128", "--max-disparity", "48"]
     assert main(["train", "--network", "fast", *words, *size, "--batch", "1", "--steps", "1"]) == 0

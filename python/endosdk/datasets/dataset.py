@@ -102,6 +102,12 @@ class DatasetReader:
         lines = [f"{s}/{i}:{h}" for s in SPLITS for i, h in sorted(self.record["samples"][s].items())]
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
+    @property
+    def split_sha256(self) -> str:
+        """Hash of the samples of this split alone: equal where two splits hold the same ones."""
+        lines = [f"{i}:{h}" for i, h in sorted(self._hashes.items())]
+        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
 
 def read_record(root: Path) -> dict[str, Any]:
     """Return the contents of ``dataset.json``, checked for the keys every set has."""

@@ -17,7 +17,7 @@ from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model, read_ranges
-from endosdk.training.sets import open_sets, split_pairs
+from endosdk.training.sets import HeldOutReader, JoinedReader, open_sets, split_pairs
 from endosdk.training.validation import full_scores
 
 RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges of 8-bit integers
@@ -44,12 +44,14 @@ def release(
     """Write the model file and return its scores on the test split and the parity with torch.
 
     ``data``, in this ``layout``, is the set whose test split is used, by default the one that the run was trained on;
-    of a layout that has truth for no test split, the training split is taken, as the scores say.
+    of a layout that has truth for no test split, the training split is taken, as the scores say. Of pairs that the run
+    was trained on, only those that it held out are scored, and the scores name them ``held out``.
     With ``int8`` the 8-bit form is written there, named for its file; ranges are measured on pairs that the run was
     trained on, or taken from ``ranges_of``, an 8-bit file of the same weights. Weights that were kept without their run
     do not say where its data lies: they need ``data``, and ``ranges_of`` for an 8-bit form. The file has this
     ``output_stride``, by default the one that the network was trained for. Raises InvalidArgument for these, for a name
-    or a version that no model may have, and for a test split without pairs.
+    or a version that no model may have, for a test split without pairs, and where a run that held out none would be
+    scored on the pairs it was trained on.
     """
     info = ModelDescription(name=trained.config.network if name is None else name, version=version)
     if int8 is not None and not is_plain_name(int8.stem):
@@ -93,10 +95,26 @@ def _test_split(trained: Checkpoint, data: Path | None, layout: str) -> DatasetR
     if data is None:
         if not trained.config.data:
             raise InvalidArgument("data", "must be given: weights alone do not say where their data lies", "nothing")
-        return open_sets(trained.config.data, default_split(trained.config.layout), trained.config.layout)
-    reader = open_dataset(data, default_split(layout), layout=layout)
+        readers = [_unseen_pairs(trained, Path(root), trained.config.layout) for root in trained.config.data]
+        return readers[0] if len(readers) == 1 else JoinedReader(readers)
+    return _unseen_pairs(trained, data, layout)
+
+
+def _unseen_pairs(trained: Checkpoint, root: Path, layout: str) -> DatasetReader:
+    """Return the test split of a set, or, where that is what the run was trained on, the pairs that it held out."""
+    reader = open_dataset(root, default_split(layout), layout=layout)
     require_pairs(reader)
-    return reader
+    noted = trained.state["dataset"]
+    if reader.split_sha256 not in noted.get("splits", [noted["sha256"]]):
+        own = root.resolve() in (Path(one).resolve() for one in trained.config.data)
+        if own and open_dataset(root, "train", layout=layout).split_sha256 == reader.split_sha256:
+            raise InvalidArgument("data", "must name other pairs: the set has changed since it was trained on", root)
+        return reader
+    _, held_out = split_pairs(reader, replace(trained.config, train_pairs=None))
+    if not held_out:
+        rule = "must name other pairs: the run was trained on all of these and held out none"
+        raise InvalidArgument("data", rule, root)
+    return HeldOutReader(reader, held_out)
 
 
 def _note(reader: DatasetReader) -> dict[str, str]:

@@ -24,7 +24,7 @@ class JoinedReader(DatasetReader):
     def __init__(self, parts: Sequence[DatasetReader]) -> None:
         """Join readers; none of them is changed."""
         self.parts = list(parts)
-        self.split = self.parts[0].split
+        self.split = " + ".join(dict.fromkeys(part.split for part in self.parts))
         self.name = " + ".join(part.name for part in self.parts)
         self.ids = tuple(f"{part.name}/{name}" for part in self.parts for name in part.ids)
         self._ends = list(accumulate(len(part) for part in self.parts))
@@ -46,6 +46,29 @@ class JoinedReader(DatasetReader):
     def sha256(self) -> str:
         """Hash of the hashes of all sets, in their order."""
         return hashlib.sha256("\n".join(part.sha256 for part in self.parts).encode()).hexdigest()
+
+
+class HeldOutReader(DatasetReader):
+    """Those pairs of a reader that a run held out of its training."""
+
+    split = "held out"
+
+    def __init__(self, whole: DatasetReader, indices: Sequence[int]) -> None:
+        """Take these pairs of a reader, which is not changed."""
+        self.whole, self.indices, self.name = whole, list(indices), whole.name
+        self.ids = tuple(whole.ids[index] for index in self.indices)
+
+    def __getitem__(self, index: int) -> Sample:
+        return self.whole[self.indices[index]]
+
+    def film(self, index: int) -> str:
+        """Name the film of which a pair is a frame."""
+        return self.whole.film(self.indices[index])
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the whole from which the pairs were taken."""
+        return self.whole.sha256
 
 
 def open_sets(roots: Sequence[str], split: str, layout: str) -> DatasetReader:

@@ -33,7 +33,7 @@ from endosdk.training.optimisers import build_optimiser
 from endosdk.training.rounding import round_to_bytes
 from endosdk.training.run_log import RunLog
 from endosdk.training.run_process import process_group, stop_signal
-from endosdk.training.sets import open_sets, split_pairs
+from endosdk.training.sets import JoinedReader, open_sets, split_pairs
 from endosdk.training.survey import MOST_CROPS, teach_surveyor
 from endosdk.training.upsampling import on_input_grid
 from endosdk.training.validation import mean_errors
@@ -344,10 +344,12 @@ class Run:
         """Say which data the run sees.
 
         ``pairs`` counts those that it learns from, ``held_out`` those it does not; ``beyond_range`` is the share of the
-        truth that it leaves out, as counted at the start.
+        truth that it leaves out, as counted at the start; ``splits`` are the hashes of the split of each set.
         """
         counts = {"pairs": len(self.train_pairs), "held_out": len(self.held_out), "beyond_range": self.beyond_range}
-        return {"name": self.reader.name, "sha256": self.reader.sha256, **counts}
+        parts = self.reader.parts if isinstance(self.reader, JoinedReader) else [self.reader]
+        splits = [part.split_sha256 for part in parts]
+        return {"name": self.reader.name, "sha256": self.reader.sha256, "splits": splits, **counts}
 
 
 def bf16_pays(device: torch.device) -> bool:
