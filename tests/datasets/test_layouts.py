@@ -49,6 +49,18 @@ def save_pfm(path: Path, values, order="<"):
     path.write_bytes(f"Pf\n{values.shape[1]} {values.shape[0]}\n{-1 if order == '<' else 1}.0\n".encode() + data)
 
 
+# plain
+
+
+@pytest.mark.parametrize("below", ["", "mix"])
+def test_a_set_of_ours_is_no_plain_folder(below, tmp_path):
+    for split in ("train", "test"):
+        save(tmp_path / below / split / "0/disparity.png", as_16bit(truth_map()))
+    save_text(tmp_path / below / "dataset.json", "{}")
+    with pytest.raises(DatasetInvalid, match=r"must hold no dataset\.json: .* layout endosdk, not plain; got .*\.json"):
+        open_dataset(tmp_path, "train", layout="plain")
+
+
 # KITTI
 
 

@@ -181,6 +181,30 @@ def test_no_pair_that_was_trained_on_is_scored_as_a_test(tmp_path, monkeypatch):
         release(none, tmp_path / "m.onnx", version="1")
 
 
+def test_own_pairs_can_be_mixed_with_rendered_ones(dataset_root, tmp_path, monkeypatch):
+    write_plain(tmp_path / "mine", 3)
+    words = ["train", "--network", "fast", "--layout", "plain", "--crop", "64", "128", "--inference-width", "128"]
+    words += [
+        "--max-disparity",
+        "48",
+        "--batch",
+        "1",
+        "--steps",
+        "1",
+        "--held-out",
+        "1",
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    assert main([*words, "--data", str(tmp_path / "mine"), str(dataset_root)]) == 0
+    run = checkpoint.load(tmp_path / "run")
+    assert (run.state["dataset"]["pairs"], run.state["dataset"]["held_out"]) == (2 + 9, 2)  # none of the test pairs
+    for slow in ("export_model", "check_parity"):
+        monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
+    test = release(run, tmp_path / "m.onnx", version="1")["training"]["test"]
+    assert (test["name"], test["split"], test["pairs"]) == ("plain:mine + warped", "held out + test", 3)
+
+
 def test_plain_folders_can_be_trained_on(tmp_path):
     write_plain(tmp_path / "mine", 1)
     words = ["--data", str(tmp_path / "mine"), "--layout", "plain", "--out", str(tmp_path / "run"), "--held-out", "0"]

@@ -18,7 +18,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
         int,
         "inference width, px; smaller is faster (default: the network's own)",
     ),
-    "layout": (str, "format of the data set"),
+    "layout": (str, "format of the data sets that have no dataset.json"),
     "train_pairs": (int, "use only the first N pairs (default: all but those held out)"),
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
     "init_from": (

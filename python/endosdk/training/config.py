@@ -66,7 +66,7 @@ class TrainConfig:
     mode_reach: int | None = None  # planes around the likeliest one that fast reads its answer from; None: all
     data: tuple[str, ...] = ()  # roots of the data sets
     inference_width: int | None = None  # px at which frames are to be seen; None: what the network is made for
-    layout: str = "endosdk"  # how the data set is laid out on disk
+    layout: str = "endosdk"  # of the sets without a dataset.json
     train_pairs: int | None = None  # use only the first so many pairs; None: all but those held out
     held_out: int = 8  # last pairs of each set's train split, kept for validation and for fitting the confidence
     init_from: str | None = None  # run folder, checkpoint or shipped name whose weights are the start

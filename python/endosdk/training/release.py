@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.datasets.dataset import DatasetReader
-from endosdk.datasets.layouts import default_split, open_dataset
+from endosdk.datasets.layouts import default_split, layout_of, open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
 from endosdk.io.names import RULE, is_plain_name
@@ -95,7 +95,8 @@ def _test_split(trained: Checkpoint, data: Path | None, layout: str) -> DatasetR
     if data is None:
         if not trained.config.data:
             raise InvalidArgument("data", "must be given: weights alone do not say where their data lies", "nothing")
-        readers = [_unseen_pairs(trained, Path(root), trained.config.layout) for root in trained.config.data]
+        config = trained.config
+        readers = [_unseen_pairs(trained, Path(root), layout_of(root, config.layout)) for root in config.data]
         return readers[0] if len(readers) == 1 else JoinedReader(readers)
     return _unseen_pairs(trained, data, layout)
 

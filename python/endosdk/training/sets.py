@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from endosdk.datasets.dataset import DatasetReader, Sample
-from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.layouts import layout_of, open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import require_pairs
 from endosdk.training.config import TrainConfig
@@ -72,10 +72,13 @@ class HeldOutReader(DatasetReader):
 
 
 def open_sets(roots: Sequence[str], split: str, layout: str) -> DatasetReader:
-    """Open one split of one or several sets of the same layout. Raises InvalidArgument when none is named."""
+    """Open one split of one or several sets: those with a ``dataset.json`` are ours, the others have this layout.
+
+    Raises InvalidArgument when none is named.
+    """
     if not roots:
         raise InvalidArgument("data", "must name the folder of a data set", "nothing")
-    readers = [open_dataset(Path(root), split, layout=layout) for root in roots]
+    readers = [open_dataset(Path(root), split, layout=layout_of(root, layout)) for root in roots]
     for reader in readers:
         require_pairs(reader)
     return readers[0] if len(readers) == 1 else JoinedReader(readers)

@@ -34,6 +34,11 @@ def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> Datas
     return READERS[layout](Path(root), split)
 
 
+def layout_of(root: str | Path, layout: str) -> str:
+    """Return ``endosdk`` for a folder with ``dataset.json``, whatever ``layout`` the sets beside it have."""
+    return "endosdk" if (Path(root) / "dataset.json").exists() else layout
+
+
 def default_split(layout: str) -> str:
     """Return the split that is meant for evaluation and has its truth published."""
     return READERS[layout].default_split if layout in READERS else "test"

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_gray
 from endosdk.datasets.layouts.public import PublicReader, require_size
+from endosdk.errors import DatasetInvalid
 
 
 class PlainReader(PublicReader):
@@ -22,6 +23,10 @@ class PlainReader(PublicReader):
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the folders."""
+        ours = next(self.root.rglob("dataset.json"), None)
+        if ours is not None:  # its test pairs are not for training
+            rule = "must hold no dataset.json: a set that has one is of the layout endosdk, not plain"
+            raise DatasetInvalid("dataset", rule, ours)
         found: dict[str, tuple[Path, ...]] = {}
         for truth in sorted(self.root.rglob("disparity.png")):
             folder = truth.parent
