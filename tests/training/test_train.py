@@ -22,6 +22,7 @@ from endosdk.training.sets import split_pairs
 from endosdk.training.train import Run, bf16_pays, train
 from endosdk.training.validation import mean_errors, pad_to_multiple
 from tests.training.conftest import SIZE
+from tests.training.warped_set import write_warped_set
 
 # Frames are seen as they are: enlarged to the width that ``fast`` is made for, a step takes four times as long.
 AS_THEY_ARE = {"inference_width": SIZE[1]}
@@ -243,8 +244,44 @@ def test_a_run_is_not_overwritten(dataset_root, tmp_path):
         train(settings(dataset_root, steps=1), tmp_path)
     with pytest.raises(InvalidArgument, match="resumed"):
         train(settings(dataset_root, steps=1, init_from=str(tmp_path)), tmp_path)
-    with pytest.raises(InvalidArgument, match="optimiser"):
-        train(settings(dataset_root, steps=2, optimiser="adamw"), tmp_path, resume=True)
+
+
+def test_a_resumed_run_is_the_run_that_began(dataset_root, tmp_path):
+    began = settings(dataset_root, steps=1)
+    train(began, tmp_path / "run")
+    kept = (tmp_path / "run" / checkpoint.LAST).read_bytes()
+    write_warped_set(tmp_path / "other", 10, 0, SIZE, (3.0, 20.0))
+    for name, value in (
+        ("optimiser", "adamw"),
+        ("seed", 7),
+        ("batch", 1),
+        ("crop", (64, 136)),
+        ("looks", ("tone",)),
+        ("loss", "l1"),
+        ("layout", "plain"),
+        ("train_pairs", 5),
+        ("held_out", 3),
+    ):
+        with pytest.raises(InvalidArgument, match=f"{name}: must be the checkpoint's"):
+            train(replace(began, steps=2, **{name: value}), tmp_path / "run", resume=True)
+    with pytest.raises(InvalidArgument, match=r"data: must be what the run began with, sha256 .*--init-from .*run"):
+        train(replace(began, steps=2, data=(str(tmp_path / "other"),)), tmp_path / "run", resume=True)
+    with pytest.raises(InvalidArgument, match="rate: must be the checkpoint's"):
+        train(replace(began, rate=0.5), tmp_path / "run", resume=True)  # no step is left to use it
+    assert (tmp_path / "run" / checkpoint.LAST).read_bytes() == kept
+
+
+def test_a_resumed_run_says_from_which_step_its_rates_hold(dataset_root, tmp_path):
+    began = settings(dataset_root, steps=1, held_out=0)
+    train(began, tmp_path / "run")
+    assert checkpoint.load(tmp_path / "run").state["changes"] == []
+    moved = tmp_path / "moved"
+    moved.symlink_to(dataset_root)
+    train(replace(began, data=(str(moved),), steps=2, rate=5e-4), tmp_path / "run", resume=True)
+    noted = [{"step": 1, "steps": [1, 2], "rate": [1e-3, 5e-4]}]
+    assert checkpoint.load(tmp_path / "run").state["changes"] == noted
+    train(settings(dataset_root, steps=1, held_out=0, init_from=str(tmp_path / "run")), tmp_path / "next")
+    assert checkpoint.load(tmp_path / "next").state["init"]["changes"] == noted
 
 
 def test_a_resumed_run_keeps_its_origin_and_the_steps_that_are_done(dataset_root, tmp_path):

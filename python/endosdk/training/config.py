@@ -23,6 +23,10 @@ INHERITED = (
     "network max_disparity dense_disparity mode_reach inference_width crop looks loss balance volume_weight "
     "coarse_weight output_stride optimiser decay epochs weight_decay frozen_norm"
 ).split()
+# What a resumed run may change: how long and how fast it learns, where its data lies, and how it is computed.
+RESUMED = (
+    "data steps rate final_rate workers cache_gib precision device threads log_every validate_every checkpoint_minutes"
+).split()
 LISTS = ("data", "looks", "crop", "refine_crop")
 LARGEST = 10**9
 DROP_AFTER = 2 / 3  # share of the steps: AnyNet's authors drop the rate after 200 of 300 epochs

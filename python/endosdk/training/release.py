@@ -75,6 +75,7 @@ def release(
         "steps_in_all": trained.steps_in_all,
         "precision": trained.state.get("precision"),  # None: of a run before it was kept
         "init": trained.state["init"],
+        "changes": trained.state.get("changes", []),  # that a resumed run made: by the step from which they hold
     }
     export_model(network, path, replace(info, training=training))
     sample = reader[0]

@@ -22,7 +22,7 @@ from tqdm import tqdm
 from endosdk.errors import DatasetInvalid, InvalidArgument, ProviderUnavailable
 from endosdk.io.progress import progress
 from endosdk.training import checkpoint
-from endosdk.training.config import TrainConfig
+from endosdk.training.config import RESUMED, TrainConfig
 from endosdk.training.data import Crops, has_truth
 from endosdk.training.fit_confidence import fit_confidence
 from endosdk.training.loss import build_loss, volume_cross_entropy
@@ -41,6 +41,7 @@ from endosdk.training.validation import mean_errors
 LOG = logging.getLogger("endosdk")
 CROPS_WITHOUT_STEPS = 8  # from each pair, where a run of no steps fits the confidence alone
 COUNTED_PAIRS = 64  # so many tell how much truth lies beyond the range
+SCHEDULE = ("steps", "rate", "final_rate")  # what a resumed run may change of what it learns
 # What is measured beside the training, every `validate_every` steps; it is told whether the refinement is computed yet.
 Watch = Callable[[StereoNetwork, bool], dict[str, float]]
 
@@ -48,9 +49,10 @@ Watch = Callable[[StereoNetwork, bool], dict[str, float]]
 def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch | None = None) -> Path:
     """Train as configured and return the checkpoint, ``out/last.safetensors``; the log lies beside it.
 
-    With ``resume`` the run in ``out`` goes on where its checkpoint ends; the settings may differ from those it began
-    with (more steps, another rate). Under torchrun every process calls this with the same arguments. What ``watch``
-    measures of the network joins the history of validations.
+    With ``resume`` the run in ``out`` goes on where its checkpoint ends. Only the settings `RESUMED` may differ from
+    the checkpoint's, such as more steps or another rate; InvalidArgument names any other, and other data. Under
+    torchrun every process calls this with the same arguments. What ``watch`` measures of the network joins the history
+    of validations.
     """
     with process_group() as (rank, world), stop_signal():
         run = Run(config, out, rank, world, resume=resume)
@@ -92,6 +94,7 @@ class Run:
         self.history: list[dict[str, float]] = []
         self.watch: Watch | None = None
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
+        self.changes: list[dict[str, Any]] = []  # of steps and rates, by the step from which they hold
         moments = self._restore(resume)
         channels_last(self.network.to(self.device))
         if config.quantised:
@@ -125,14 +128,23 @@ class Run:
         return None
 
     def _resume(self, saved: checkpoint.Checkpoint) -> dict[str, Tensor]:
-        # What the weights were before a run stays what it was.
-        for name in ("network", "max_disparity", "inference_width", "init_from"):
-            self._check_same(saved, name)
-        saved.load_into(self.network)
-        if saved.config.optimiser != self.config.optimiser:
-            raise InvalidArgument("optimiser", "of a resumed run must stay", self.config.optimiser)
         if saved.step > self.config.steps:
             raise InvalidArgument("steps", f"must be at least the {saved.step} that are done", self.config.steps)
+        # Rates that no step is left to use would be a false record.
+        free = set(RESUMED) - ({"rate", "final_rate"} if saved.step == self.config.steps else set())
+        for name in [name for name in self.config.as_dict() if name not in free]:
+            self._check_same(saved, name)
+        before, now = saved.state["dataset"], self._dataset_note()
+        for name in ("sha256", "pairs", "held_out"):
+            if before.get(name, now[name]) != now[name]:  # older checkpoints do not say all
+                rule = f"must be what the run began with, {name} {before[name]}; for other data --init-from {self.out}"
+                raise InvalidArgument("data", rule, now[name])
+        saved.load_into(self.network)
+        self.changes = saved.state.get("changes", [])
+        pairs = {name: (getattr(saved.config, name), getattr(self.config, name)) for name in SCHEDULE}
+        changed = {name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]}
+        if changed:
+            self.changes = [*self.changes, {"step": saved.step, **changed}]
         self.step, self.seconds = saved.step, float(saved.state["seconds"])
         self.history, self.origin = saved.state["history"], saved.state["init"]
         self._compare_precision(saved.state.get("precision"))
@@ -156,6 +168,8 @@ class Run:
         kept = ("max_disparity", "loss", "optimiser", "rate", "final_rate", "decay")
         past = {key: saved.config.as_dict()[key] for key in kept}
         notes = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
+        if saved.state.get("changes"):
+            notes["changes"] = saved.state["changes"]
         self.origin = checkpoint.with_oldest_joined(notes)
 
     def _check_same(self, saved: checkpoint.Checkpoint, name: str) -> None:
@@ -316,6 +330,7 @@ class Run:
                 "precision": self.precision,
                 "refine_margin": self.network.refine_margin,
                 "init": self.origin,
+                "changes": self.changes,
             }
             path = self.out / checkpoint.LAST
             checkpoint.save(path, self.config, self.step, state, self.network, self.optimiser)
