@@ -17,6 +17,7 @@ from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
 from endosdk.training.networks import build_network
 from endosdk.training.networks.blocks import EXACT, ConvNorm
+from endosdk.training.release import release
 from endosdk.training.rounding import rounded_weights
 from endosdk.training.sets import split_pairs
 from endosdk.training.train import Run, bf16_pays, train
@@ -89,7 +90,30 @@ def test_a_resumed_run_equals_one_that_never_stopped(dataset_root, tmp_path):
     assert [line.split(",")[0] for line in logs[0]] == [line.split(",")[0] for line in logs[1]]
 
 
-def _train_until(config, out, stop_at):
+def test_a_run_that_stopped_early_is_not_exported(dataset_root, tmp_path):
+    config = settings(dataset_root, steps=5)
+    with pytest.raises(KeyboardInterrupt):
+        _train_until(config, tmp_path, stop_at=1)
+    with pytest.raises(InvalidArgument, match=r"run: must be finished: resume it.*got one that stopped at step 1 of 5"):
+        release(checkpoint.load(tmp_path), tmp_path / "m.onnx", version="1")
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_nothing_is_written_where_nothing_is_left(steps, dataset_root, tmp_path, caplog):
+    config = settings(dataset_root, steps=steps)
+    train(config, tmp_path)
+    assert checkpoint.load(tmp_path).state["finished"]
+    kept = {file: (file.read_bytes(), file.stat().st_mtime_ns) for file in tmp_path.iterdir()}
+    assert caplog.text == ""
+    train(config, tmp_path, resume=True)
+    assert f"is finished, with all {steps} steps; nothing is written" in caplog.text
+    assert {file: (file.read_bytes(), file.stat().st_mtime_ns) for file in tmp_path.iterdir()} == kept
+    with pytest.raises(KeyboardInterrupt):
+        _train_until(replace(config, steps=3), tmp_path, stop_at=2, resume=True)
+    assert not checkpoint.load(tmp_path).state["finished"]
+
+
+def _train_until(config, out, stop_at, **given):
     from endosdk.training import train as module
 
     class Interrupted(module.Run):
@@ -100,7 +124,7 @@ def _train_until(config, out, stop_at):
 
     original, module.Run = module.Run, Interrupted
     try:
-        module.train(config, out)
+        module.train(config, out, **given)
     finally:
         module.Run = original
 

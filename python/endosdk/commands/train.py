@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
         given = {**taken_over, **given}
     trained = train(TrainConfig.from_dict(given), args.out, resume=args.resume)
     report.record["checkpoint"] = trained
-    report.line(f"written {trained}")
+    report.line(f"checkpoint {trained}")
     return report.end()
 
 

@@ -51,8 +51,11 @@ def release(
     do not say where its data lies: they need ``data``, and ``ranges_of`` for an 8-bit form. The file has this
     ``output_stride``, by default the one that the network was trained for. Raises InvalidArgument for these, for a name
     or a version that no model may have, for a test split without pairs, and where a run that held out none would be
-    scored on the pairs it was trained on.
+    scored on the pairs it was trained on. So does a run that stopped early: its confidence was never fitted.
     """
+    if not trained.state.get("finished", True):  # runs before the key was kept may be finished
+        rule = "must be finished: resume it, or a run of --steps 0 with --init-from fits the confidence"
+        raise InvalidArgument("run", rule, f"one that stopped at step {trained.step} of {trained.config.steps}")
     info = ModelDescription(name=trained.config.network if name is None else name, version=version)
     if int8 is not None and not is_plain_name(int8.stem):
         raise InvalidArgument("int8", f"its name {RULE}", repr(int8.stem))

@@ -50,13 +50,17 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
     """Train as configured and return the checkpoint, ``out/last.safetensors``; the log lies beside it.
 
     With ``resume`` the run in ``out`` goes on where its checkpoint ends. Only the settings `RESUMED` may differ from
-    the checkpoint's, such as more steps or another rate; InvalidArgument names any other, and other data. Under
+    the checkpoint's, such as more steps or another rate; InvalidArgument names any other, and other data. Of a
+    run that is finished nothing is written. Under
     torchrun every process calls this with the same arguments. What ``watch`` measures of the network joins the history
     of validations.
     """
     with process_group() as (rank, world), stop_signal():
         run = Run(config, out, rank, world, resume=resume)
         run.watch = watch
+        if run.nothing_left:
+            LOG.warning("%s is finished, with all %d steps; nothing is written", out, run.step)
+            return out / checkpoint.LAST
         try:
             run.fit()
         except KeyboardInterrupt:
@@ -90,7 +94,7 @@ class Run:
         self.train_pairs, self.held_out = split_pairs(self.reader, config)
         self.crops = self._crops_of(self.train_pairs)
         self.beyond_range = self._count_beyond_range() if rank == 0 else 0.0
-        self.step, self.seconds = 0, 0.0
+        self.step, self.seconds, self.finished = 0, 0.0, False
         self.history: list[dict[str, float]] = []
         self.watch: Watch | None = None
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
@@ -102,7 +106,12 @@ class Run:
         self.optimiser = build_optimiser(self.network, config)
         if moments is not None:
             checkpoint.restore_optimiser(self.optimiser, moments)
-        self.log = RunLog(out, self.step if resume else None) if rank == 0 else None
+        self.log = RunLog(out, self.step if resume else None) if rank == 0 and not self.nothing_left else None
+
+    @property
+    def nothing_left(self) -> bool:
+        """Tell whether every step is taken and the confidence is fitted."""
+        return self.finished and self.step == self.config.steps
 
     def _crops_of(self, pairs: list[int]) -> Crops:
         config = self.config
@@ -147,6 +156,7 @@ class Run:
             self.changes = [*self.changes, {"step": saved.step, **changed}]
         self.step, self.seconds = saved.step, float(saved.state["seconds"])
         self.history, self.origin = saved.state["history"], saved.state["init"]
+        self.finished = saved.state.get("finished", False)
         self._compare_precision(saved.state.get("precision"))
         return saved.optimiser
 
@@ -207,6 +217,7 @@ class Run:
 
     def fit(self) -> None:
         """Take every step that is left: first those of the coarse stage alone, then those of both."""
+        self.finished = False
         turn = min(max(self.config.refine_from_step, 0), self.config.steps)
         with progress(total=self.config.steps, done=self.step, unit="step", shown=self.rank == 0) as bar:
             for first, last, refined in ((0, turn, False), (turn, self.config.steps, True)):
@@ -331,6 +342,7 @@ class Run:
                 "refine_margin": self.network.refine_margin,
                 "init": self.origin,
                 "changes": self.changes,
+                "finished": self.finished,
             }
             path = self.out / checkpoint.LAST
             checkpoint.save(path, self.config, self.step, state, self.network, self.optimiser)
@@ -346,6 +358,7 @@ class Run:
                 teach_surveyor(self.network, self.crops, min(drawn, MOST_CROPS), seed)
             spoilt = self._crops_of(self.held_out) if self.config.looks else None
             fit_confidence(self.network, self.reader, self.held_out, seed, spoilt=spoilt)
+        self.finished = True
         self.save()
 
     def _log(self, report: dict[str, Tensor], bar: tqdm[Any]) -> None:
