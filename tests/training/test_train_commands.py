@@ -1,4 +1,5 @@
 import json
+import signal
 from dataclasses import replace
 
 import cv2
@@ -179,6 +180,21 @@ def test_no_pair_that_was_trained_on_is_scored_as_a_test(tmp_path, monkeypatch):
     none = checkpoint.load(train(TrainConfig(**common, **data, held_out=0, steps=1), tmp_path / "none"))
     with pytest.raises(InvalidArgument, match="data: must name other pairs: the run was trained on all of these"):
         release(none, tmp_path / "m.onnx", version="1")
+
+
+def test_a_polite_kill_leaves_a_run_to_resume(dataset_root, tmp_path, monkeypatch, capsys):
+    def killed(self, *_):
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr("endosdk.training.train.Run._train_step", killed)
+    run = tmp_path / "my run"
+    words = ["train", "--network", "fast", "--crop", "64", "128", "--batch", "1", "--held-out", "1"]
+    assert main([*words, "--data", str(dataset_root), "--out", str(run)]) == 143
+    assert f"stopped; endosdk train --resume --out '{run}' continues" in capsys.readouterr().err
+    assert not checkpoint.load(run).state["finished"]
+    monkeypatch.setattr("endosdk.training.train.open_sets", killed)
+    assert main([*words, "--data", str(dataset_root), "--out", str(tmp_path / "none")]) == 143
+    assert "train: interrupted" in capsys.readouterr().err
 
 
 def test_own_pairs_can_be_mixed_with_rendered_ones(dataset_root, tmp_path, monkeypatch):

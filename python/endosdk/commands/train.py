@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -132,7 +133,13 @@ def run(args: argparse.Namespace) -> int:
         report.record["inherited"] = taken_over
         report.line(f"from {args.init_from}: {', '.join(f'{name} {_shown(taken_over[name])}' for name in taken_over)}")
         given = {**taken_over, **given}
-    trained = train(TrainConfig.from_dict(given), args.out, resume=args.resume)
+    try:
+        trained = train(TrainConfig.from_dict(given), args.out, resume=args.resume)
+    except KeyboardInterrupt:
+        if not (args.out / checkpoint.LAST).exists():  # before the run began
+            raise
+        again = shlex.join(["endosdk", "train", "--resume", "--out", str(args.out)])
+        raise KeyboardInterrupt(f"stopped; {again} continues") from None
     report.record["checkpoint"] = trained
     report.line(f"checkpoint {trained}")
     return report.end()

@@ -14,19 +14,20 @@ import torch.distributed as dist
 
 @contextmanager
 def stop_signal() -> Iterator[None]:
-    """Let a polite kill end the run as Ctrl-C does: with a checkpoint."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may set signals
+    """Let a polite kill end the run as Ctrl-C does: with a checkpoint. A host that answers it keeps its answer."""
+    main = threading.current_thread() is threading.main_thread()  # only it may set signals
+    if not main or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
         return
 
     def stop(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGTERM, stop)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 class process_group:

@@ -51,9 +51,9 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
 
     With ``resume`` the run in ``out`` goes on where its checkpoint ends. Only the settings `RESUMED` may differ from
     the checkpoint's, such as more steps or another rate; InvalidArgument names any other, and other data. Of a
-    run that is finished nothing is written. Under
-    torchrun every process calls this with the same arguments. What ``watch`` measures of the network joins the history
-    of validations.
+    run that is finished nothing is written. Under torchrun every process calls this with the same arguments. What
+    ``watch`` measures of the network joins the history of validations. KeyboardInterrupt, of Ctrl-C or SIGTERM, leaves
+    a checkpoint to resume.
     """
     with process_group() as (rank, world), stop_signal():
         run = Run(config, out, rank, world, resume=resume)
