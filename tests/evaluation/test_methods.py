@@ -129,6 +129,32 @@ def test_record_repeats_the_run_and_names_the_model(planes, tmp_path):
     assert set(record["model"]) == {"name", "version", "sha256"}
 
 
+def test_the_range_of_block_matching_is_set_and_recorded(planes, tmp_path, capsys):
+    given = ["evaluate", "--data", str(planes), "--model"]
+    for options, found in (([], 80), (["--sgbm-range", "16"], 16)):
+        assert main([*given, "sgbm", *options, "--out", str(tmp_path)]) == 0
+        record = json.loads((tmp_path / "scores.json").read_text())
+        assert record["model"] == {"name": "sgbm", "max_disparity": found}
+        assert record["command"].endswith(" ".join(options))
+        assert record["scores"]["in_range"]["share"] == pytest.approx(2 / 3 if options else 1)
+    for model, value, rule in (
+        ("sgbm", "40", "max_disparity: of sgbm must be a multiple of 16, at least 16; got 40"),
+        (str(TINY_MODEL), "16", "sgbm_range: is for --model sgbm; got 16"),
+    ):
+        assert main([*given, model, "--sgbm-range", value]) == 2
+        assert rule in capsys.readouterr().err
+
+
+def test_a_method_must_return_an_answer(planes):
+    with pytest.raises(errors.InvalidArgument, match=r"method: must return an Answer.*; got ndarray"):
+        evaluate(lambda sample: sample.disparity, open_dataset(planes, "test"))
+
+
+def test_the_table_tells_answered_from_valid(planes, capsys):
+    assert main(["evaluate", "--model", "sgbm", "--data", str(planes)]) == 0
+    assert "% answered" in (printed := capsys.readouterr().out) and "% valid" not in printed
+
+
 @pytest.mark.parametrize(("option", "value"), [("--network-size", "64x64"), ("--provider", "cuda"), ("--threads", "1")])
 def test_what_block_matching_has_no_use_for_is_refused(option, value, planes, capsys):
     assert main(["evaluate", "--model", "sgbm", "--data", str(planes), option, value]) == 2

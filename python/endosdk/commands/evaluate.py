@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from endosdk.commands.options import add_model, add_session, session_options
 from endosdk.commands.report import Report
+from endosdk.evaluation.sgbm import RANGE as SGBM_RANGE
 
 if TYPE_CHECKING:
     from endosdk.datasets.dataset import DatasetReader
@@ -46,6 +47,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--split", help="train or test (default: test, or the split with published ground truth)")
     parser.add_argument("--pairs", type=int, help="use only the first N pairs (default: all)")
     add_session(parser)
+    parser.add_argument(
+        "--sgbm-range",
+        type=int,
+        metavar="N",
+        help=f"disparities that sgbm searches, px, a multiple of 16 (default: {SGBM_RANGE})",
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -85,9 +92,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
+    from endosdk.errors import InvalidArgument
     from endosdk.evaluation.methods import estimator_method
     from endosdk.runtime.estimator import DepthEstimator
 
+    if args.sgbm_range is not None:
+        raise InvalidArgument("sgbm_range", "is for --model sgbm", args.sgbm_range)
     options = session_options(args)
     # Loaded once before any data is read: a wrong option is refused at once, and the record names the model that runs,
     # which is another than the one asked for where the processor lacks instructions.
@@ -98,18 +108,20 @@ def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
 def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     from endosdk.errors import InvalidArgument
     from endosdk.evaluation.methods import sgbm_method
+    from endosdk.evaluation.sgbm import SgbmSettings
 
     for name, default in (("network_size", None), ("provider", "cpu"), ("provider_option", None), ("threads", None)):
         if getattr(args, name) != default:
             raise InvalidArgument(name, "is for models; leave it out with sgbm", getattr(args, name))
-    return sgbm_method(filled=True), {"name": "sgbm"}
+    settings = SgbmSettings() if args.sgbm_range is None else SgbmSettings(max_disparity=args.sgbm_range)
+    return sgbm_method(filled=True, settings=settings), {"name": "sgbm", "max_disparity": settings.max_disparity}
 
 
 def _command(args: argparse.Namespace, reader: DatasetReader) -> str:
     """Return the command that measures the same again; of files only their names: no private paths."""
     words = ["endosdk", "evaluate", "--model", Path(args.model).name, "--data", reader.root.resolve().name]
     words += ["--layout", args.layout, "--split", reader.split]
-    for name in ("pairs", "network_size", "provider", "threads"):
+    for name in ("pairs", "network_size", "provider", "threads", "sgbm_range"):
         if getattr(args, name) is not None:
             words += ["--" + name.replace("_", "-"), str(getattr(args, name))]
     words += [word for option in args.provider_option or () for word in ("--provider-option", option)]
@@ -122,7 +134,7 @@ def _report_part(report: Report, name: str, measures: dict[str, Any]) -> None:
         report.line(f"{shown:13} {NONE_THERE[name]}")
         return
     if not measures["valid"]:
-        report.line(f"{shown:13} no pixel counted: {measures['pixels']} with truth, none of them valid")
+        report.line(f"{shown:13} no pixel counted: {measures['pixels']} with truth, none of them answered")
         return
     shares = ", ".join(f"{100 * measures[f'kpe_{k}']:.2f} % over {k} px" for k in (1, 2, 3, 5))
     report.line(f"{shown:13} EPE {measures['epe_px']:.4f} px; {shares}")
@@ -131,4 +143,4 @@ def _report_part(report: Report, name: str, measures: dict[str, Any]) -> None:
     if measures.get("flying") is not None:
         report.line(f"{'':13} {100 * measures['flying']:.2f} % flying pixels")
     share = "" if name == "all" else f" ({100 * measures['share']:.1f} % of all)"
-    report.line(f"{'':13} {measures['pixels']} pixels with truth{share}, {100 * measures['coverage']:.1f} % valid")
+    report.line(f"{'':13} {measures['pixels']} pixels with truth{share}, {100 * measures['coverage']:.1f} % answered")

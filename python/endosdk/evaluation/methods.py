@@ -56,7 +56,7 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
 
     Returns the pooled measures of `ScoreBoard` for each part of the pixels, the median time and ``worst``: id, index
     and error of the ten pairs with the largest error (None where a pair got no answer at all). Raises InvalidArgument
-    when there is no pair, DatasetInvalid when none has truth.
+    when there is no pair and for a method that returns no `Answer`, DatasetInvalid when no pair has truth.
     """
     require_pairs(reader)
     if pairs is not None and pairs < 1:
@@ -66,6 +66,8 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
     for index in progress(range(count)):
         sample = reader[index]
         answer = method(sample)
+        if not isinstance(answer, Answer):
+            raise InvalidArgument("method", "must return an Answer, such as Answer(disparity)", type(answer).__name__)
         board.add(
             answer.disparity,
             sample.disparity,

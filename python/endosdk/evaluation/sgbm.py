@@ -11,13 +11,14 @@ import numpy.typing as npt
 from endosdk.errors import InvalidArgument
 
 FloatMap = npt.NDArray[np.float32]
+RANGE = 80  # disparities that are searched, px, unless told otherwise
 
 
 @dataclass(frozen=True)
 class SgbmSettings:
     """Settings of OpenCV's semi-global matcher on gray pictures (its documentation explains each)."""
 
-    max_disparity: int = 80  # a multiple of 16, px
+    max_disparity: int = RANGE  # a multiple of 16, px
     block_size: int = 5
     uniqueness_ratio: int = 5
     speckle_window: int = 100
@@ -28,6 +29,11 @@ class SgbmSettings:
     small_step: int = 8
     large_step: int = 32
     pre_filter: int = 0  # at which the gradient is cut off; OpenCV takes at least 15
+
+    def __post_init__(self) -> None:
+        """Check what OpenCV would refuse without naming it."""
+        if self.max_disparity < 16 or self.max_disparity % 16:
+            raise InvalidArgument("max_disparity", "of sgbm must be a multiple of 16, at least 16", self.max_disparity)
 
 
 class SgbmBaseline:
