@@ -21,7 +21,10 @@ README_WORDS = 700
 CARD_WORDS = 600
 
 # A page whose Python has a test of its own, which looks at what it leaves behind.
-ELSEWHERE = {"docs/python.md": "tests/documents/test_python_page.py"}
+ELSEWHERE = {
+    "docs/public-sets.md": "tests/documents/test_public_sets_page.py",
+    "docs/python.md": "tests/documents/test_python_page.py",
+}
 
 
 pages = pytest.mark.parametrize("page", PAGES, ids=name_of)

@@ -70,6 +70,7 @@ NOT_RUN = {
     "endosdk export ": TRAINS,
     "endosdk evaluate --model ": TRAINS,
     "endosdk evaluate --layout ": NO_DATA,
+    "endosdk evaluate --maps ": NO_DATA,
     "endosdk-bench --model fast --threads 2 --frames 3000 --load 2": "keeps two processors busy for minutes",
     "python -m benchmarks.speed.soak ": "takes an hour; tests/benchmarks/test_soak.py runs it for fewer frames",
 }

@@ -12,7 +12,7 @@ from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method
 from endosdk.io.pictures import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair
-from tests.datasets.test_layouts import as_16bit, save, write_middlebury
+from tests.datasets.test_layouts import as_16bit, save, save_pfm, write_middlebury
 
 SHIFTS = (6, 12, 18)
 
@@ -143,6 +143,49 @@ def test_the_range_of_block_matching_is_set_and_recorded(planes, tmp_path, capsy
     ):
         assert main([*given, model, "--sgbm-range", value]) == 2
         assert rule in capsys.readouterr().err
+
+
+def write_maps(folder, planes):
+    """Maps that are one pixel off, each in another format."""
+    folder.mkdir()
+    for sample, name in zip(open_dataset(planes, "test"), (".png", ".pfm", ".npy"), strict=True):
+        found = sample.disparity + 1
+        found[:, :64] = np.nan
+        if name == ".png":
+            save(folder / f"{sample.id}.png", as_16bit(found))
+        elif name == ".pfm":
+            save_pfm(folder / f"{sample.id}.pfm", found)
+        else:
+            np.save(folder / f"{sample.id}.npy", found)
+
+
+def test_maps_of_any_program_are_scored(planes, tmp_path, capsys):
+    write_maps(tmp_path / "maps", planes)
+    given = ["evaluate", "--maps", str(tmp_path / "maps"), "--data", str(planes)]
+    assert main([*given, "--out", str(tmp_path / "out")]) == 0
+    assert "ms per pair" not in capsys.readouterr().out
+    record = json.loads((tmp_path / "out/scores.json").read_text())
+    assert record["scores"]["all"]["epe_px"] == pytest.approx(1.0)
+    assert record["scores"]["all"]["coverage"] == pytest.approx(0.75)
+    assert record["command"].startswith("endosdk evaluate --maps maps --data")
+    assert record["model"]["name"] == "maps" and len(record["model"]["sha256"]) == 64
+    assert main([*given, "--model", "sgbm"]) == 2
+    assert "model: is for what computes maps; leave it out with --maps; got sgbm" in capsys.readouterr().err
+    np.save(tmp_path / "maps/012.npy", np.zeros((96, 256), np.float32))
+    assert main(given) == 2
+    assert "here 012 with one of .png, .pfm, .npy; got 012.pfm, 012.npy" in capsys.readouterr().err
+    (tmp_path / "maps/012.pfm").unlink()
+    for wrong, said in (
+        (np.zeros((96, 255), np.float32), "as large as the left view (96, 256); 012.npy is not; got (96, 255)"),
+        (np.zeros((96, 256), np.int32), "must be float arrays [H, W] in .npy files; got int32"),
+        (np.array([None]), "must be readable .npy files"),
+    ):
+        np.save(tmp_path / "maps/012.npy", wrong, allow_pickle=True)
+        assert main(given) == 2
+        assert said in capsys.readouterr().err
+    (tmp_path / "maps/006.png").unlink()
+    assert main(given) == 2
+    assert "maps: must hold one file for each pair, here 006" in capsys.readouterr().err
 
 
 def test_a_method_must_return_an_answer(planes):

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from endosdk.commands.options import add_model, add_session, session_options
+from endosdk.commands.options import MODEL, add_model, add_session, session_options
 from endosdk.commands.report import Report
 from endosdk.evaluation.sgbm import RANGE as SGBM_RANGE
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from endosdk.datasets.dataset import DatasetReader
     from endosdk.evaluation.methods import Method
 
+FOR_MODELS = (("network_size", None), ("provider", "cpu"), ("provider_option", None), ("threads", None))
 PARTS = (
     "all",
     "non_occluded",
@@ -38,6 +39,13 @@ NONE_THERE = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_model(parser, others=" or sgbm")
+    parser.add_argument(
+        "--maps",
+        type=Path,
+        metavar="DIR",
+        help="score disparity maps from this folder instead of a model: ID.png (16 bits, 256 times the disparity),"
+        " ID.pfm or ID.npy for each pair (default: none)",
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder of the data set")
     parser.add_argument(
         "--layout",
@@ -65,13 +73,17 @@ def run(args: argparse.Namespace) -> int:
     """Evaluate and print a table; the status is 1 where no pixel could be scored."""
     from endosdk.datasets.layouts import default_split, open_dataset
     from endosdk.evaluation.methods import evaluate, write_worst
+    from endosdk.evaluation.own_maps import maps_sha256
     from endosdk.io.whole_files import write_json
     from endosdk.jobs.machine import machine_record
 
-    method, model = _sgbm(args) if args.model == "sgbm" else _estimator(args)
+    method, model = _method(args)
     split = args.split or default_split(args.layout)
     reader = open_dataset(args.data, split, layout=args.layout)
     scores = evaluate(method, reader, args.pairs)
+    if args.maps is not None:
+        model["sha256"] = maps_sha256(args.maps, reader.ids[: args.pairs])
+        del scores["ms_median"]  # what computed the maps took another time
     report = Report(args)
     report.record = {
         "command": _command(args, reader),
@@ -83,12 +95,30 @@ def run(args: argparse.Namespace) -> int:
     for part in PARTS:
         if part in scores:
             _report_part(report, part, scores[part])
-    report.line(f"time          {scores['ms_median']:.1f} ms per pair (median)")
+    if "ms_median" in scores:
+        report.line(f"time          {scores['ms_median']:.1f} ms per pair (median)")
     if args.out:
         pictures = write_worst(method, reader, scores, args.out / "worst")
         write_json(args.out / "scores.json", report.record, "out")
         report.line(f"written       {args.out / 'scores.json'} and {len(pictures)} images in {args.out / 'worst'}")
     return report.end(usable=bool(scores["all"]["valid"]))
+
+
+def _method(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
+    """Return what is scored, and its entry in the record."""
+    if args.maps is not None:
+        return _maps(args)
+    return _sgbm(args) if args.model == "sgbm" else _estimator(args)
+
+
+def _maps(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
+    from endosdk.errors import InvalidArgument
+    from endosdk.evaluation.own_maps import maps_method
+
+    for name, default in (("model", MODEL), ("sgbm_range", None), *FOR_MODELS):
+        if getattr(args, name) != default:
+            raise InvalidArgument(name, "is for what computes maps; leave it out with --maps", getattr(args, name))
+    return maps_method(args.maps), {"name": "maps"}
 
 
 def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
@@ -110,7 +140,7 @@ def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     from endosdk.evaluation.methods import sgbm_method
     from endosdk.evaluation.sgbm import SgbmSettings
 
-    for name, default in (("network_size", None), ("provider", "cpu"), ("provider_option", None), ("threads", None)):
+    for name, default in FOR_MODELS:
         if getattr(args, name) != default:
             raise InvalidArgument(name, "is for models; leave it out with sgbm", getattr(args, name))
     settings = SgbmSettings() if args.sgbm_range is None else SgbmSettings(max_disparity=args.sgbm_range)
@@ -119,7 +149,8 @@ def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
 
 def _command(args: argparse.Namespace, reader: DatasetReader) -> str:
     """Return the command that measures the same again; of files only their names: no private paths."""
-    words = ["endosdk", "evaluate", "--model", Path(args.model).name, "--data", reader.root.resolve().name]
+    what = ["--model", Path(args.model).name] if args.maps is None else ["--maps", args.maps.resolve().name]
+    words = ["endosdk", "evaluate", *what, "--data", reader.root.resolve().name]
     words += ["--layout", args.layout, "--split", reader.split]
     for name in ("pairs", "network_size", "provider", "threads", "sgbm_range"):
         if getattr(args, name) is not None:

@@ -65,11 +65,14 @@ class Parser(argparse.ArgumentParser):
         super().error(message)
 
 
+MODEL = "fast"  # unless another is asked for
+
+
 def add_model(parser: argparse.ArgumentParser, *, others: str = "") -> None:
     """Add which model runs."""
     parser.add_argument(
         "--model",
-        default="fast",
+        default=MODEL,
         help=f"name of a shipped model (fast, fast-320, accurate, wang2020) or a .onnx file{others}",
     )
 
