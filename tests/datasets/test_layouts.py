@@ -1,13 +1,14 @@
 """Readers of public data sets, on tiny files in the true formats."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from endosdk.datasets.layouts import default_split, open_dataset
+from endosdk.datasets.layouts import READERS, default_split, open_dataset
 from endosdk.datasets.layouts.pfm import read_pfm
 from endosdk.errors import DatasetInvalid, InvalidArgument
 
@@ -301,6 +302,24 @@ def expected_scared_disparity(sample):
     rays = np.stack([(x - first[0, 2]) / focal, (y - first[1, 2]) / focal, np.ones(x.shape)], -1)
     depth = AWAY / (rays @ (turn @ NORMAL))
     return focal * baseline / depth
+
+
+def test_scared_test_sets_have_the_names_of_the_challenge(tmp_path):
+    write_scared(tmp_path / "test_dataset_8/keyframe_1")
+    assert open_dataset(tmp_path, "test", layout="scared").ids == ("test_dataset_8/keyframe_1",)
+    with pytest.raises(DatasetInvalid, match=r"split train: dataset_N/keyframe_M/left_depth_map\.tiff"):
+        open_dataset(tmp_path, "train", layout="scared")
+
+
+@pytest.mark.parametrize("layout", ["endosdk", *READERS])
+def test_a_folder_that_is_not_there_is_not_an_empty_one(layout, tmp_path):
+    missing = tmp_path / "none"
+    with pytest.raises(DatasetInvalid, match=r"dataset: must be a folder that is there; got .*none"):
+        open_dataset(missing, default_split(layout), layout=layout)
+    missing.mkdir()
+    pattern = READERS[layout].pattern if layout in READERS else "dataset.json"
+    with pytest.raises(DatasetInvalid, match=f"must hold .*{re.escape(pattern)}"):
+        open_dataset(missing, default_split(layout), layout=layout)
 
 
 def test_scared_truth_is_that_of_the_rectified_view(tmp_path):

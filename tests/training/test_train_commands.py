@@ -70,7 +70,7 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["train", "--data", "nowhere", "--out", "run"], "dataset.json"),
+        (["train", "--data", "nowhere", "--out", "run"], "dataset: must be a folder that is there; got nowhere"),
         (["train", "--data", "x", "--out", "run", "--network", "no-such"], "wang2020"),
         (["train", "--out", "nowhere", "--resume"], "checkpoint"),
         (["train", "--out", "run"], "data: must name the folder of a data set"),

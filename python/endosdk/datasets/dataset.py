@@ -113,7 +113,10 @@ def read_record(root: Path) -> dict[str, Any]:
     """Return the contents of ``dataset.json``, checked for the keys every set has."""
     path = root / "dataset.json"
     if not path.exists():
-        raise DatasetInvalid("dataset", "must hold dataset.json; an unfinished set has none", root)
+        if not root.is_dir():
+            raise DatasetInvalid("dataset", "must be a folder that is there", root)
+        rule = "must hold dataset.json; an unfinished set has none, and other formats need --layout"
+        raise DatasetInvalid("dataset", rule, root)
     record: dict[str, Any] = read_json(path, "dataset")
     for key in ("format_version", "name", "samples"):
         if not isinstance(record, dict) or key not in record:

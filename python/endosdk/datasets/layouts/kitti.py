@@ -40,6 +40,7 @@ class KittiReader(PublicReader):
     layout = "kitti"
     splits = ("train",)
     default_split = "train"
+    pattern = "training/{image_2,disp_occ_0}/*_10.png, or those of 2012 in colored_0 or image_0 and disp_occ"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the frames of the edition that lies there."""

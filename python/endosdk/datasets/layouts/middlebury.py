@@ -25,6 +25,7 @@ class MiddleburyReader(PublicReader):
     layout = "middlebury"
     splits = ("train",)
     default_split = "train"
+    pattern = f"SCENE/calib.txt with {' or '.join(_TRUTHS)}"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the scenes."""

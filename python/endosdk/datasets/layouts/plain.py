@@ -20,6 +20,7 @@ class PlainReader(PublicReader):
     layout = "plain"
     splits = ("train", "test")
     default_split = "test"
+    pattern = "FOLDER/disparity.png"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the folders."""

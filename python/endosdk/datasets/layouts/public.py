@@ -25,6 +25,7 @@ class PublicReader(DatasetReader):
     layout: ClassVar[str]
     splits: ClassVar[tuple[str, ...]]  # those with published truth
     default_split: ClassVar[str]
+    pattern: ClassVar[str]  # of the files by which samples are found, below the root
 
     def __init__(self, root: Path, split: str) -> None:
         """Find the samples of the split. Raises DatasetInvalid when there is none."""
@@ -34,9 +35,12 @@ class PublicReader(DatasetReader):
             rule = f"must be {' or '.join(self.splits)}: the layout {self.layout} has truth for no other"
             raise InvalidArgument("split", rule, split)
         self.root, self.split, self.name = root, split, f"{self.layout}:{root.name}"
+        if not root.is_dir():
+            raise DatasetInvalid("dataset", "must be a folder that is there", root)
         self._files = self.find()
         if not self._files:
-            raise DatasetInvalid("dataset", f"must hold samples in the layout {self.layout}, split {split}", root)
+            rule = f"must hold samples in the layout {self.layout}, split {split}: {self.pattern}"
+            raise DatasetInvalid("dataset", rule, f"none in {root}")
         self.ids = tuple(sorted(self._files))
 
     @abstractmethod

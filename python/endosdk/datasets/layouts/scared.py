@@ -1,9 +1,10 @@
 """SCARED: porcine abdomen with truth from structured light (Allan et al., 2021).
 
-``dataset_N/keyframe_M/`` holds ``Left_Image.png``, ``Right_Image.png``, ``endoscope_calibration.yaml`` and
-``left_depth_map.tiff``: for each pixel of the raw left view the point it shows, x, y, z in mm in the left camera.
-Where ``data/scene_points.tar.gz`` has been unpacked beside ``data/rgb.mp4`` (left view above the right one), the
-video's frames are samples too; their points come from the keyframe by the camera's motion and are less exact.
+``dataset_N/keyframe_M/``, or ``test_dataset_N/keyframe_M/``, holds ``Left_Image.png``, ``Right_Image.png``,
+``endoscope_calibration.yaml`` and ``left_depth_map.tiff``: for each pixel of the raw left view the point it shows, x,
+y, z in mm in the left camera. Where ``data/scene_points.tar.gz`` has been unpacked beside ``data/rgb.mp4`` (left view
+above the right one), the video's frames are samples too; their points come from the keyframe by the camera's motion and
+are less exact.
 """
 
 from __future__ import annotations
@@ -30,11 +31,12 @@ class ScaredReader(PublicReader):
     layout = "scared"
     splits = ("train", "test")
     default_split = "test"
+    pattern = "dataset_N/keyframe_M/left_depth_map.tiff, N 1 to 7 for train, 8 and 9 for test"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the frames of the sets of this split: 1 to 7 for training, 8 and 9 for testing."""
         found: dict[str, tuple[Path, ...]] = {}
-        for folder in sorted(self.root.glob("dataset*/keyframe*")):
+        for folder in sorted(self.root.glob("*dataset*/keyframe*")):
             number = int("".join(c for c in folder.parent.name if c.isdigit()) or 0)
             if (number in _TEST_SETS) != (self.split == "test"):
                 continue

@@ -25,6 +25,7 @@ class ServCtReader(PublicReader):
     layout = "servct"
     splits = ("test",)
     default_split = "test"
+    pattern = "Experiment_*/Left_rectified/*.png"
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the pairs of every experiment that lies there."""
