@@ -4,7 +4,7 @@ python scripts/flight_animation.py FILM --calibration rig.json --out docs/images
 
 FILM is any source of `endosdk.open_source` that ends. The one shown was rendered by
 `endosdk simulate --video --frames 160 --pairs 0 --test-pairs 1 --width 640 --height 480 --focal 500 --baseline 5
---seed 77`.
+--max-disparity 69.5 --seed 77`.
 """
 
 from __future__ import annotations

@@ -202,6 +202,19 @@ def test_the_usual_range_of_drawn_rigs_is_one_that_is_allowed(width: int, larges
     assert recipe.limits.largest == largest
 
 
+@pytest.mark.parametrize(
+    ("width", "camera", "largest"),
+    [(960, (960, 720, 400.0), 69.5), (480, (480, 360, 200.0), 34.75), (3840, (3840, 2880, 1600.0), 250.0)],
+)
+def test_the_width_alone_keeps_the_field_of_view(width: int, camera: tuple[int, int, float], largest: float) -> None:
+    words = ["simulate", "--out", "set", "--width", str(width)]
+    recipe = _recipe(build_parser(VERBS).parse_args(words))
+    assert (recipe.camera.width, recipe.camera.height, recipe.camera.focal_px) == camera
+    assert recipe.limits.largest == largest
+    recipe = _recipe(build_parser(VERBS).parse_args([*words, "--focal", "500"]))
+    assert recipe.camera.focal_px == 500
+
+
 @pytest.fixture
 def room() -> Iterator[Callable[[int], None]]:
     """Limit how many bytes a file may have: what a full disk does, without one."""

@@ -27,13 +27,13 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
     "rig": ("ideal", "ideal; raw: also distorted, misaligned views and rig.json; drawn: random rig per scene"),
     "aspect": ("fixed", "fixed, or drawn: with --rig drawn, frames of 4:3, 5:4 and 16:9"),
     "width": (960, "pixels"),
-    "height": (720, "pixels"),
-    "focal": (400.0, "focal length in pixels"),
+    "height": (720, "pixels (default: 3/4 of the width)"),
+    "focal": (400.0, "focal length in pixels (default: 400 at a width of 960, in proportion to it)"),
     "baseline": (10.0, "mm between the lenses"),
     "min_disparity": (2.0, "px, target value; not with --rig drawn or --organ lap or shapes"),
     "max_disparity": (
         69.5,
-        "px, upper limit (default: 69.5; with --rig drawn 25 %% of the width, at most 250)",
+        "px, upper limit (default: 69.5 at a width of 960, as --focal; --rig drawn: 25 %% of the width; at most 250)",
     ),
     "faults": (
         False,
@@ -192,6 +192,7 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     chosen: dict[str, Any] = {name: getattr(args, name) if name in given else _SETTINGS[name][0] for name in _SETTINGS}
     if video and chosen["frames"] < 1:
         raise InvalidArgument("frames", "must be at least 1 for a video", chosen["frames"])
+    _follow_the_width(chosen, given)
     if chosen["rig"] == "drawn":
         _leave_to_the_scenes(chosen, given)
     if chosen["rig"] == "drawn" or chosen["organ"] in (LAP, SHAPES):
@@ -213,23 +214,28 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     )
 
 
-def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
-    """Refuse what every scene draws for itself, and choose what follows from the width."""
-    from endosdk.errors import InvalidArgument
-    from endosdk.simulation.camera import StereoCamera
+def _follow_the_width(chosen: dict[str, Any], given: list[str]) -> None:
+    """Choose the lengths that are not given so that the camera sees what it sees at the default width."""
     from endosdk.simulation.rigs import WIDEST_DISPARITY
     from endosdk.simulation.sample import MOST_DISPARITY
+
+    width = chosen["width"]
+    lengths = {name: chosen[name] * width / _SETTINGS["width"][0] for name in ("focal", "height", "max_disparity")}
+    lengths["height"] = round(lengths["height"])
+    if chosen["rig"] == "drawn":
+        lengths["max_disparity"] = WIDEST_DISPARITY * width
+    lengths["max_disparity"] = min(lengths["max_disparity"], float(MOST_DISPARITY))
+    chosen.update({name: length for name, length in lengths.items() if name not in given})
+
+
+def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
+    """Refuse what every scene draws for itself."""
+    from endosdk.errors import InvalidArgument
 
     drawn = ["focal", "baseline", *(["height"] if chosen["aspect"] == "drawn" else [])]
     for name in drawn:
         if name in given:
             raise InvalidArgument(name, "is drawn for every scene, so leave it out", chosen[name])
-    default, width = StereoCamera(), chosen["width"]
-    chosen["focal"] = default.focal_px * width / default.width
-    if "height" not in given:
-        chosen["height"] = round(default.height * width / default.width)
-    if "max_disparity" not in given:
-        chosen["max_disparity"] = min(WIDEST_DISPARITY * width, float(MOST_DISPARITY))
 
 
 def _leave_to_the_range(chosen: dict[str, Any], given: list[str]) -> None:
