@@ -19,6 +19,7 @@ from endosdk.training.networks.fast import DifferenceVolume
 from endosdk.training.networks.fast_export import PairedVolume, ReadViews, ViewRows, over_rows
 from endosdk.training.networks.photometric import LIKELY_STEP
 from endosdk.training.networks.wang2020_export import PlaneAggregation, in_blocks
+from endosdk.training.train import channels_last
 from tests.training.exported_networks import shaken
 from tests.training.warped_scenes import warped_pair
 
@@ -283,3 +284,20 @@ def test_a_stem_over_bytes_is_the_stem_over_pixels():
     conv = nn.Conv2d(3, 5, 4, stride=4)
     torch.testing.assert_close(over_rows(conv)(rows), conv(views.float()), atol=1e-3, rtol=0)
     torch.testing.assert_close(bright[0, 0, 1], views[0, :, 2:4].float().mean(dim=(0, 1)) / 64)
+
+
+@pytest.mark.parametrize("planes", [1, 2, 3])
+def test_two_backward_passes_in_bf16_agree(planes):
+    """In torch's own arithmetic those of two planes differ by up to any number."""
+    torch.manual_seed(0)
+    aggregation = Aggregation(32, planes, layers=4, slope=0.2)
+    channels_last(aggregation)
+    left, right = torch.randn(2, 2, 32, 16, 32)
+    gradients = []
+    for _ in range(4):
+        aggregation.zero_grad()
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            cost = aggregation(left, right)
+        cost.float().square().sum().backward()
+        gradients.append(torch.cat([weight.grad.flatten() for weight in aggregation.parameters()]))
+    assert all(torch.equal(gradient, gradients[0]) for gradient in gradients)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +24,12 @@ def difference_planes(left: Tensor, right: Tensor, planes: int) -> list[Tensor]:
     return [left - padded[..., planes - 1 - plane : planes - 1 - plane + width] for plane in range(planes)]
 
 
+def without_autocast(of: Tensor) -> AbstractContextManager[object]:
+    """Compute as the tensors are, where they lie, within autocast too."""
+    kind = of.device.type
+    return torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext()
+
+
 class Aggregation(nn.Module):
     """3x3x3 convolutions over the volume of differences; the last gives the cost."""
 
@@ -35,6 +41,13 @@ class Aggregation(nn.Module):
 
     def forward(self, left: Tensor, right: Tensor) -> Tensor:
         """Map features of both views [N, C, h, w] to cost [N, h, w, D]: disparity last, so that softmax is quick."""
+        if self.planes == 2:
+            # In bf16 the gradients of a convolution over two planes are random numbers in torch 2.
+            with without_autocast(left):
+                return self._cost(*(view.to(torch.promote_types(view.dtype, torch.float32)) for view in (left, right)))
+        return self._cost(left, right)
+
+    def _cost(self, left: Tensor, right: Tensor) -> Tensor:
         volume = torch.stack(difference_planes(left, right, self.planes), dim=2)
         # In this layout the gradient of the weights takes processors half the time.
         volume = volume.contiguous(memory_format=torch.channels_last_3d)
@@ -91,8 +104,7 @@ def soft_argmin(cost: Tensor, planes: Planes | None = None, reach: int | None = 
     """
     cost = cost.to(torch.promote_types(cost.dtype, torch.float32))
     planes = planes or Planes(cost.shape[-1])
-    kind = cost.device.type
-    with torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext():
+    with without_autocast(cost):
         value = torch.tensor(planes.shifts, dtype=cost.dtype, device=cost.device)
         weights = torch.softmax(-cost, dim=-1)
         moments = weights @ torch.stack([value, value * value], dim=1)
