@@ -133,11 +133,12 @@ void rectify_arrays(const Rectifier& rectifier, const py::array& left, const py:
   rectifier.rectify(pair.left, pair.right, pair.out_left, pair.out_right, pair.order, scratch);
 }
 
-double displacement_of_arrays(const py::array& left, const py::array& right) {
+std::pair<double, double> displacement_of_arrays(const py::array& left, const py::array& right) {
   const ImageView a = image_view(left, "left");
   const ImageView b = image_view(right, "right");
   const py::gil_scoped_release release;
-  return displacement_of_frames(a, b);
+  const FrameDisplacement apart = displacement_of_frames(a, b);
+  return {apart.textured, apart.rest};
 }
 
 void pack_arrays(const py::array& left, const py::array& right, py::array& out_left, py::array& out_right,
@@ -354,9 +355,10 @@ void bind_rectification(py::module_& m) {
   m.def("pack", &pack_arrays, arg("left").noconvert(), arg("right").noconvert(), arg("out_left").noconvert(),
         arg("out_right").noconvert(), arg("order"), "Rewrite an already rectified pair as padded planar RGB.");
   m.def("displacement_of_frames", &displacement_of_arrays, arg("left").noconvert(), arg("right").noconvert(),
-        "How far apart two frames show their texture, thousandths of the width.");
+        "How far apart two frames show their texture, thousandths of the width: in tiles with more texture, and in the rest.");
   m.attr("farthest_displacement") = farthest_displacement;
   m.attr("displacement_of_one_view") = displacement_of_one_view;
+  m.attr("rest_of_one_view") = rest_of_one_view;
 }
 
 void bind_maps(py::module_& m) {

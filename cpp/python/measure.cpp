@@ -5,7 +5,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "measure/areas.hpp"
-#include "measure/pixels.hpp"
+#include "geometry/pixel_map.hpp"
 #include "rigs.hpp"
 
 namespace endosdk {

@@ -223,7 +223,7 @@ class Rectifier:
 def pack(left: _Bytes, right: _Bytes, out_left: _Bytes, out_right: _Bytes, order: _Order | str) -> None:
     """Rewrite an already rectified pair as padded planar RGB; arrays as for `Rectifier.rectify`."""
 
-def displacement_of_frames(left: _Bytes, right: _Bytes) -> float:
+def displacement_of_frames(left: _Bytes, right: _Bytes) -> tuple[float, float]:
     """How far apart two frames show their texture, thousandths of the width; NaN where too little is textured.
 
     Frames as for `Rectifier.rectify`.
@@ -231,6 +231,7 @@ def displacement_of_frames(left: _Bytes, right: _Bytes) -> float:
 
 # Frames that are less apart are one view; what is farther apart than can be told is as far as this.
 displacement_of_one_view: float
+rest_of_one_view: float
 farthest_displacement: float
 rig_file_format: str
 rig_file_version: int

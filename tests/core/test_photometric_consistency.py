@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 import endosdk
-from endosdk import _core
+from endosdk import Cause, DepthEstimator, Status, _core
 from tests.conftest import TINY_MODEL, shifted_pair
+from tests.core.test_pose_error import RIG, cycles_pair
 from tests.core_rigs import every_isa
 from tests.reference import matched_views, resampling, view_measures
 from tests.rigs import raw_rig
@@ -125,7 +127,11 @@ def test_one_view_is_known_though_a_bit_or_some_noise_differs():
     left, _ = shifted_pair(120, 200, 9)
     wide = np.zeros((120, 260, 3), np.uint8)
     wide[:, :200] = left
-    apart, farthest = _core.displacement_of_frames, _core.farthest_displacement
+    farthest = _core.farthest_displacement
+
+    def apart(*views: np.ndarray) -> float:
+        return _core.displacement_of_frames(*views)[0]
+
     assert apart(left, left.copy()) == 0
     assert apart(left, wide[:, :200]) == 0  # another row pitch
     assert apart(left, left[:, :199]) == farthest
@@ -154,6 +160,39 @@ def test_displacement_equals_twin(shape):
             views = [np.ascontiguousarray(view[..., 1]) for view in views]
         expected = view_measures.displacement_of_frames(*views)
         assert _core.displacement_of_frames(*views) == pytest.approx(expected, rel=1e-3, abs=1e-3)
+
+
+def under_text(view: np.ndarray) -> np.ndarray:
+    """A view under the lines of an on-screen display, which has more texture than tissue."""
+    shown = view.copy()
+    for line in range(12):
+        place = (30, 70 + 54 * line)
+        cv2.putText(shown, "PATIENT 01 12:34 ZOOM x1.1 IRIS", place, cv2.FONT_HERSHEY_SIMPLEX, 1.1, (255,) * 3, 2)
+    return shown
+
+
+def test_text_over_both_views_is_no_view_shown_twice():
+    left, right = cycles_pair(0)
+    textured, rest = _core.displacement_of_frames(under_text(left), under_text(right))
+    assert textured < _core.displacement_of_one_view
+    assert rest > _core.rest_of_one_view
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        assert Cause.SAME_VIEW_TWICE not in estimator.predict(under_text(left), under_text(right)).causes
+        noise = np.random.default_rng(0).normal(0, 12, left.shape)
+        noisy = np.clip(left + noise, 0, 255).astype(np.uint8)
+        assert Cause.SAME_VIEW_TWICE in estimator.predict(left, noisy).causes
+        assert Cause.SAME_VIEW_TWICE in estimator.predict(under_text(left), under_text(noisy)).causes
+
+
+def test_shading_alone_is_no_texture() -> None:
+    rows, columns = np.indices((720, 960))
+    light = 40 + 140 * np.exp(-((columns - 480) ** 2 + (rows - 360) ** 2) / (2 * 290.0**2))
+    noise = np.random.default_rng(0)
+    views = [np.repeat((light + noise.normal(0, 1.5, light.shape))[..., None], 3, axis=2) for _ in range(2)]
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        result = estimator.predict(*(np.clip(view, 0, 255).astype(np.uint8) for view in views))
+    assert result.status is Status.INVALID
+    assert Cause.LOW_TEXTURE in result.causes
 
 
 def test_exposure_and_colour_of_a_camera_do_not_matter():

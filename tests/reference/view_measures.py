@@ -220,14 +220,16 @@ def _compared(left: np.ndarray, right: np.ndarray) -> tuple[float, float]:
     return max(varies), differs / (gain**2 * max(steep - noises[0] / 2, 0.1 * steep))
 
 
-def displacement_of_frames(left: np.ndarray, right: np.ndarray) -> float:
-    """How far apart two frames show their texture, thousandths of the width, at most 100."""
+def displacement_of_frames(left: np.ndarray, right: np.ndarray) -> tuple[float, float]:
+    """How far apart two frames show their texture, thousandths of the width: in tiles with more of it, in the others."""
     height, width = left.shape[:2]
     unit = max(1, (width + 240) // 480)
     places = [(size - 12 * unit) * np.arange(count) // (count - 1) for size, count in ((height, 12), (width, 16))]
     found = [_compared(*(_tile(view, x, y, unit) for view in (left, right))) for y in places[0] for x in places[1]]
     textured = sorted((tiles for tiles in found if tiles[0] >= 2), key=lambda tiles: -tiles[0])
     if len(textured) < 6:
-        return float("nan")
-    half = sorted(displacement for _, displacement in textured[: (len(textured) + 1) // 2])
-    return min(float(np.sqrt(half[len(half) // 2])) * unit * 1000 / width, 100.0)
+        return float("nan"), float("nan")
+    half = (len(textured) + 1) // 2
+    medians = [np.sort([apart for _, apart in part])[len(part) // 2] for part in (textured[:half], textured[half:])]
+    more, rest = (min(float(np.sqrt(median)) * unit * 1000 / width, 100.0) for median in medians)
+    return more, rest

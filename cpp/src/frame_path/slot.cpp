@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "images/same_view.hpp"
+#include "maps/same_view_matches.hpp"
 #include "maps/reasons.hpp"
 
 namespace endosdk {
 namespace {
-
 
 FloatView read_only(const MutableFloatView& view) { return {view.data, view.width, view.height}; }
 
@@ -52,7 +52,9 @@ void Slot::rectify(const FramePair& pair, FrameReport& report) {
   const Clock::time_point started = Clock::now();
   (*stage_)(pair.left, pair.right, buffers_.left(), buffers_.right(), pair.order, rectify_scratch_);
   const Clock::time_point rectified = Clock::now();
-  report.causes.set(Cause::same_view_twice, displacement_of_frames(pair.left, pair.right));
+  const FrameDisplacement apart = displacement_of_frames(pair.left, pair.right);
+  report.causes.set(Cause::same_view_twice, apart.textured);
+  rest_apart_ = apart.rest;
   report.prints = {print_of(pair.left), print_of(pair.right)};
   report.corrected = stage_->corrected();
   const Clock::time_point ended = Clock::now();
@@ -79,7 +81,7 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
   const int valid = postprocess(maps, limits, rig);
   report.valid_share = valid / static_cast<double>(count_of(stage_->frame()));
   const Clock::time_point filled = Clock::now();
-  judge(maps, report);
+  judge(maps, rig, report);
   brightness_.read(buffers_.left(), stage_->picture());
   report.trust_ms += scratch_.trust_ms + milliseconds(filled, Clock::now());
   if (report.causes.status() == Quality::invalid) {
@@ -91,22 +93,36 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
   report.postprocess_ms += milliseconds(started, Clock::now());
 }
 
-void Slot::judge(const MapsOut& maps, FrameReport& report) {
+void Slot::judge(const MapsOut& maps, const Rig* rig, FrameReport& report) {
   const double seen = scratch_.views.size().width > 0 ? scratch_.views.field(0).share() : 1.0;
   report.causes.set(Cause::few_valid, report.valid_share / seen);
   report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, count_of(stage_->frame())) / seen);
   if (scratch_.views.size().width == 0) return;  // the picture is too small to be judged
   report.causes.set(Cause::views_differ, scratch_.views.most_correlation());
-  report.causes.set(Cause::low_texture, scratch_.views.textured_share());
+  report.causes.set(Cause::low_texture, std::fmin(scratch_.views.textured_share(), scratch_.measures.textured()));
   report.causes.set(Cause::covered, scratch_.measures.covered());
   report.causes.set(Cause::saturated, scratch_.measures.saturated());
   report.causes.set(Cause::blurred, scratch_.measures.blur());
   report.causes.set(Cause::dim, scratch_.measures.level());
+  judge_same_view(rig, report);
   judge_rig(report);
   if (report.causes.raised(Cause::same_view_twice)) return;
   const bool failed = report.causes.raised(Cause::views_differ) || report.causes.raised(Cause::few_valid);
   // A network with a fine grid finds matches even if the rows are far off. But no rotation can be measured from them.
   if (failed || !report.pose.measured) explain_failure(failed, report);
+}
+
+// The frames were compared before the network ran. If they only share an overlay, the rest of the frames differs, and the matches
+// of the scene are not those of one picture. Frames that are rectified first have other matches than the network can find. There,
+// the rest of the frames decides alone.
+void Slot::judge_same_view(const Rig* rig, FrameReport& report) const {
+  if (!report.causes.raised(Cause::same_view_twice) || rest_apart_ < displacement_of_one_view) return;
+  const Size picture = stage_->picture();
+  const bool rectifies = rig != nullptr && !rig->is_rectified();
+  const double shift = stage_->right_shift() * picture.width / stage_->frame().width;
+  const bool only_overlay = rectifies ? rest_apart_ > rest_of_one_view
+                                      : matches_from_one_picture(scratch_.views, picture, shift) > one_picture_matches;
+  if (only_overlay) report.causes.set(Cause::same_view_twice, rest_apart_);
 }
 
 void Slot::explain_failure(bool failed, FrameReport& report) {

@@ -58,7 +58,8 @@ class Slot {
   int postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig);
 
   // Sets the causes that follow from the pictures and the maps of the latest frame.
-  void judge(const MapsOut& maps, FrameReport& report);
+  void judge(const MapsOut& maps, const Rig* rig, FrameReport& report);
+  void judge_same_view(const Rig* rig, FrameReport& report) const;
   void judge_rig(FrameReport& report) const;
   void explain_failure(bool failed, FrameReport& report);
 
@@ -75,6 +76,7 @@ class Slot {
   BrightnessPyramid brightness_;
   bool has_rig_ = false;  // whether the latest pair had a rig
   double focal_y_ = 0.0;
+  double rest_apart_ = 0.0;  // of the latest pair, see FrameDisplacement
 };
 
 }  // namespace endosdk

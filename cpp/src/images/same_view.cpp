@@ -161,11 +161,12 @@ Compared compare(const Tile& left, const Tile& right) {
 
 }  // namespace
 
-double displacement_of_frames(const ImageView& left, const ImageView& right) {
-  if (left.width != right.width || left.height != right.height || left.channels != right.channels) return farthest_displacement;
+FrameDisplacement displacement_of_frames(const ImageView& left, const ImageView& right) {
+  if (left.width != right.width || left.height != right.height || left.channels != right.channels) return {farthest_displacement, farthest_displacement};
   const int unit = std::max(1, (left.width + columns / 2) / columns);
   const int reach = side * unit;
-  if (left.width < reach || left.height < reach) return std::numeric_limits<double>::quiet_NaN();
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  if (left.width < reach || left.height < reach) return {unknown, unknown};
   std::array<Compared, size_t{tiles_along} * tiles_down> found;
   parallel_for(tiles_down, 1, [&](int begin, int end, int) {
     Band here;
@@ -179,14 +180,16 @@ double displacement_of_frames(const ImageView& left, const ImageView& right) {
   });
   const auto flat = [](const Compared& tiles) { return tiles.varies < flattest; };
   const auto count = static_cast<size_t>(std::remove_if(found.begin(), found.end(), flat) - found.begin());
-  if (count < least_tiles) return std::numeric_limits<double>::quiet_NaN();
+  if (count < least_tiles) return {unknown, unknown};
   const auto half = found.begin() + static_cast<ptrdiff_t>((count + 1) / 2);
   std::nth_element(found.begin(), half - 1, found.begin() + static_cast<ptrdiff_t>(count),
                    [](const Compared& a, const Compared& b) { return a.varies > b.varies; });
-  const auto middle = found.begin() + (half - found.begin()) / 2;
-  std::nth_element(found.begin(), middle, half,
-                   [](const Compared& a, const Compared& b) { return a.displacement < b.displacement; });
-  return std::min(std::sqrt(static_cast<double>(middle->displacement)) * unit * 1000.0 / left.width, farthest_displacement);
+  const auto median = [&](auto begin, auto end) {
+    const auto middle = begin + (end - begin) / 2;
+    std::nth_element(begin, middle, end, [](const Compared& a, const Compared& b) { return a.displacement < b.displacement; });
+    return std::min(std::sqrt(static_cast<double>(middle->displacement)) * unit * 1000.0 / left.width, farthest_displacement);
+  };
+  return {median(found.begin(), half), median(half, found.begin() + static_cast<ptrdiff_t>(count))};
 }
 
 }  // namespace endosdk

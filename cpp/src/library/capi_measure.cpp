@@ -10,7 +10,7 @@
 #include "library/guarded.hpp"
 #include "library/struct_io.hpp"
 #include "measure/areas.hpp"
-#include "measure/pixels.hpp"
+#include "geometry/pixel_map.hpp"
 
 using endosdk::guarded;
 using endosdk::require;

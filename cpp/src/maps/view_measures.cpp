@@ -21,7 +21,7 @@ constexpr int edge_cells = 4;          // left out along the edge of a field of 
 constexpr int most_passes = 24;        // passes of the mask 1 2 1, each a Gaussian of variance 1/2
 constexpr int far = 4;                 // columns to each side
 
-enum Texture : uint8_t { none = 0, flat = 1, textured = 2 };
+enum Texture : uint8_t { outside = 0, flat = 1, rough = 2 };
 
 // Autocovariance of white noise at this distance, as a share of its variance, after `passes` of the mask 1 2 1 along the row.
 double left_of_noise(int passes, int distance) {
@@ -66,6 +66,7 @@ void ViewMeasures::measure(const MatchedViews& views, int picture_width) {
   level_ = std::min(levels_[0], levels_[1]);
   saturated_ = std::max(shares_[0], shares_[1]);
   covered_ = std::fmax(covered_of(0), covered_of(1));
+  textured_ = std::fmax(textured_of(0), textured_of(1));
   blur_ = find_blur(views, picture_width);
 }
 
@@ -99,10 +100,17 @@ void ViewMeasures::find_tiles(const MatchedViews& views, int view) {
       const bool seen = views.sees(view, left, top) && views.sees(view, right, top) && views.sees(view, left, bottom) &&
                         views.sees(view, right, bottom);
       uint8_t& texture = textures[static_cast<size_t>(y * tiles_.width + x)];
-      texture = none;
-      if (seen) texture = roughness[static_cast<size_t>(x)] > limit ? textured : flat;
+      texture = outside;
+      if (seen) texture = roughness[static_cast<size_t>(x)] > limit ? rough : flat;
     }
   }
+}
+
+double ViewMeasures::textured_of(int view) const {
+  const std::vector<uint8_t>& tiles = textures_[view];
+  const auto with = std::count(tiles.begin(), tiles.end(), uint8_t{rough});
+  const auto without = std::count(tiles.begin(), tiles.end(), uint8_t{flat});
+  return with + without >= least_tiles ? static_cast<double>(with) / static_cast<double>(with + without) : unknown;
 }
 
 // A surface of one view lies further left or right in the other view, so the neighbouring tiles must be flat as well.
@@ -114,10 +122,10 @@ double ViewMeasures::covered_of(int flat_view) const {
   for (int y = 0; y < tiles_.height; ++y) {
     for (int x = 0; x < tiles_.width; ++x) {
       const size_t at = static_cast<size_t>(y * tiles_.width + x);
-      if (there[at] != textured || here[at] == none) continue;
+      if (there[at] != rough || here[at] == outside) continue;
       ++count;
-      const bool before = x == 0 || here[at - 1] != textured;
-      const bool after = x + 1 == tiles_.width || here[at + 1] != textured;
+      const bool before = x == 0 || here[at - 1] != rough;
+      const bool after = x + 1 == tiles_.width || here[at + 1] != rough;
       missing += here[at] == flat && before && after ? 1 : 0;
     }
   }

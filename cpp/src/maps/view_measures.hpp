@@ -25,6 +25,10 @@ class ViewMeasures {
   // there are too few tiles with texture.
   double covered() const { return covered_; }
 
+  // Share of the tiles in the field of view that have texture beyond noise and even shading, for the view with more of them. NaN
+  // where there are too few tiles.
+  double textured() const { return textured_; }
+
   // Standard deviation of the Gaussian that blurs the sharper view until it is as soft as the other one, in thousandths of the
   // width. NaN where there is too little texture.
   double blur() const { return blur_; }
@@ -39,6 +43,7 @@ class ViewMeasures {
   void find_light(const MatchedViews& views, int view);
   void find_tiles(const MatchedViews& views, int view);
   double covered_of(int flat_view) const;
+  double textured_of(int view) const;
   void read_rows(const MatchedViews& views, int view);
   void blur_rows(const MatchedViews& views, int view);
   double sharpness(const MatchedViews& views, int view, int passes);
@@ -54,6 +59,7 @@ class ViewMeasures {
   double level_ = 0.0;
   double saturated_ = 0.0;
   double covered_ = 0.0;
+  double textured_ = 0.0;
   double blur_ = 0.0;
 };
 

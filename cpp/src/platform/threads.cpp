@@ -118,7 +118,7 @@ class Pool {
     if (started_ >= workers) return;
     for (; started_ < workers; ++started_) {
       try {
-        std::thread([this, worker = started_ + 1, seen = generation_.load(), hook = worker_hook] {
+        new_thread([this, worker = started_ + 1, seen = generation_.load(), hook = worker_hook] {
           serve(worker, seen, hook);
         }).detach();
       } catch (const std::system_error&) {
@@ -214,7 +214,7 @@ class WaitingThreads {
   int start(int count) {
     threads_.reserve(static_cast<size_t>(count));
     try {
-      for (int i = 0; i < count; ++i) threads_.emplace_back([this] { wait(); });
+      for (int i = 0; i < count; ++i) threads_.push_back(new_thread([this] { wait(); }));
     } catch (const std::system_error&) {
       // The returned number tells the caller that the system has no more threads.
     }

@@ -1,4 +1,4 @@
-#include "measure/pixels.hpp"
+#include "geometry/pixel_map.hpp"
 
 #include <algorithm>
 #include <cmath>
