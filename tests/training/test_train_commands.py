@@ -28,8 +28,11 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     weights = tmp_path / "kept.safetensors"
     named = ["--name", "trial", "--model-version", "7", "--weights", str(weights)]
     assert main(["export", str(run), "--out", str(model), *named]) == 0
-    printed = capsys.readouterr().out
-    report = json.loads(printed[: printed.rindex("}") + 1])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "trial 7, 2 pairs of warped, split test" and lines[-1] == f"written {model}, {weights}"
+    assert [line.split()[0] for line in lines[1:-1]] == ["float32", "parity"] and "EPE" in lines[1]
+    assert main(["export", str(run), "--out", str(model), *named, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
     assert report["parity"]["largest_px"] <= 1e-3
     assert report["training"]["steps_done"] == report["training"]["steps_in_all"] == 3
     assert report["training"]["test"]["pairs"] == 2
@@ -77,6 +80,8 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
         (["train", "--data", "x", "--out", "run", "--workers", "-1"], "workers: must be within 0.."),
         (["train", "--data", "x", "--out", "run", "--device", "gpu"], "device: must be one of auto, cpu, cuda"),
         (["export", "nowhere", "--out", "model.onnx"], "checkpoint"),
+        (["export", "no-such", "--out", "model.onnx"], "run: must be a run folder, a checkpoint or one of fast, "),
+        (["export", "fast", "--out", "model.onnx"], "data: must be given: weights alone do not say"),
         (["export", "nowhere", "--out", "."], "out: must be a file that ends in .onnx"),
         (["export", "nowhere", "--out", "model.onnx", "--layout", "kitti"], "layout: is that of --data"),
         (["export", "fast", "--triton", "served", "--layout", "kitti"], "layout: is for a training run"),

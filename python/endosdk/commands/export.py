@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
+from typing import Any
 
 from endosdk.commands.report import Report
 
@@ -13,7 +13,11 @@ VERSION = "1"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("run", help="run folder or checkpoint; with --triton alone a shipped name or .onnx file")
+    parser.add_argument(
+        "run",
+        help="run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020), which need --data; with"
+        " --triton alone a shipped name or .onnx file",
+    )
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the .onnx file to write (default: none, which --triton alone allows)"
     )
@@ -98,7 +102,9 @@ def _export(args: argparse.Namespace) -> Report:
     from endosdk.training import checkpoint
     from endosdk.training.release import release
 
-    trained = checkpoint.load(Path(args.run))
+    # What lies there comes before a shipped name: a run's own folder may be called the same.
+    own = Path(args.run)
+    trained = checkpoint.load(own if own.exists() else checkpoint.starting_point(args.run, "run"))
     figures = release(
         trained,
         args.out,
@@ -115,11 +121,26 @@ def _export(args: argparse.Namespace) -> Report:
     report = Report(args)
     files = [file for file in (args.out, args.int8, args.weights) if file]
     report.record = {**figures, "files": files}
-    report.line(json.dumps(figures, indent=1))
+    test = figures["training"]["test"]
+    report.line(
+        f"{figures['model']} {figures['version']}, {test['pairs']} pairs of {test['name']}, split {test['split']}"
+    )
+    report.line(f"float32     {_scores(test)}")
+    if args.int8:
+        report.line(f"int8        {_scores(figures['int8'])}")
+    report.line(f"parity      {figures['parity']['largest_px']:.1e} px at most between torch and the file")
     report.line("written " + ", ".join(map(str, files)))
     if args.triton:
         _serve(report, str(args.int8 or args.out), args.triton)
     return report
+
+
+def _scores(scores: dict[str, Any]) -> str:
+    found = scores["all"]
+    if not found["valid"]:
+        return "no pixel answered"
+    shares = ", ".join(f"{100 * found[f'kpe_{limit}']:.2f} % over {limit} px" for limit in (1, 3))
+    return f"EPE {found['epe_px']:.4f} px; {shares}"
 
 
 def _serve(report: Report, model: str, repository: Path) -> Report:

@@ -128,12 +128,15 @@ def _write(path: Path, content: Checkpoint) -> None:
         stream.write(safetensors_bytes(tensors, metadata=header))
 
 
-def starting_point(source: str) -> Path:
-    """Return the file or run folder that ``source`` names: shipped weights by name, else a path that is there."""
+def starting_point(source: str, argument: str = "init_from") -> Path:
+    """Return the file or run folder that ``source`` names: shipped weights by name, else a path that is there.
+
+    Raises InvalidArgument, which names this ``argument``.
+    """
     path = shipped_weights().get(source, Path(source))
     if not path.exists():
         names = ", ".join(shipped_weights())
-        raise InvalidArgument("init_from", f"must be a run folder, a checkpoint or one of {names}", source)
+        raise InvalidArgument(argument, f"must be a run folder, a checkpoint or one of {names}", source)
     return path
 
 
