@@ -190,6 +190,8 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     if not video and "frames" in given:
         raise InvalidArgument("frames", "are those of a video; add --video", args.frames)
     chosen: dict[str, Any] = {name: getattr(args, name) if name in given else _SETTINGS[name][0] for name in _SETTINGS}
+    if chosen["organ"] == SHAPES:
+        _leave_to_organs(chosen, given)
     if video and chosen["frames"] < 1:
         raise InvalidArgument("frames", "must be at least 1 for a video", chosen["frames"])
     _follow_the_width(chosen, given)
@@ -236,6 +238,18 @@ def _leave_to_the_scenes(chosen: dict[str, Any], given: list[str]) -> None:
     for name in drawn:
         if name in given:
             raise InvalidArgument(name, "is drawn for every scene, so leave it out", chosen[name])
+
+
+def _leave_to_organs(chosen: dict[str, Any], given: list[str]) -> None:
+    """Refuse the effects that only tissue and its cameras have."""
+    from endosdk.errors import InvalidArgument
+    from endosdk.simulation.effects import Effects
+
+    effects = {"motion_blur", *(field.name for field in fields(Effects))} & _SETTINGS.keys()
+    changed = {name for name in effects if chosen[name] != _SETTINGS[name][0]} | {"textures"}
+    refused = [_option(name) for name in given if name in changed]
+    if refused:
+        raise InvalidArgument("organ", f"shapes has no effects of organs; leave out {', '.join(refused)}", "shapes")
 
 
 def _leave_to_the_range(chosen: dict[str, Any], given: list[str]) -> None:
