@@ -24,6 +24,7 @@ add_library(
   endosdk_objects OBJECT
   src/library/capi.cpp
   src/library/capi_measure.cpp
+  src/library/capi_stream.cpp
   src/library/capi_structs.cpp
   src/library/guarded.cpp
   src/library/log_reader.cpp
@@ -45,7 +46,7 @@ target_compile_options(endosdk_objects PRIVATE -ffile-prefix-map=${ONNXRUNTIME_I
 
 if(ENDOSDK_BUILD_TESTS)
   # The ABI check reads the types of the interface from here.
-  set_source_files_properties(src/library/capi.cpp src/library/capi_measure.cpp PROPERTIES COMPILE_OPTIONS -g)
+  set_source_files_properties(src/library/capi.cpp src/library/capi_measure.cpp src/library/capi_stream.cpp PROPERTIES COMPILE_OPTIONS -g)
 endif()
 
 if(BUILD_SHARED_LIBS)

@@ -68,7 +68,7 @@ void Slot::infer(Work& work, FrameReport& report) {
   report.session_ms = milliseconds(started, Clock::now());
 }
 
-void Slot::steady(TemporalFilter& filter, FrameReport& report) {
+void Slot::smooth_over_time(TemporalFilter& filter, FrameReport& report) {
   const Clock::time_point started = Clock::now();
   const double per_pixel = 1.0 / model_.output_stride;
   filter.smooth({buffers_.left(), stage_->picture(), buffers_.disparity(), read_only(buffers_.confidence()), {per_pixel, per_pixel}});

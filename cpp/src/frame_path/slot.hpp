@@ -43,7 +43,7 @@ class Slot {
   void infer(Work& work, FrameReport& report);
 
   // Applies the temporal filter to the network's disparity. One filter must get the frames in their order.
-  void steady(TemporalFilter& filter, FrameReport& report);
+  void smooth_over_time(TemporalFilter& filter, FrameReport& report);
 
   // Computes the maps from the network's output. Maps that are not wanted are null.
   void answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, Work& work, FrameReport& report);

@@ -191,7 +191,7 @@ void Stream::work(Frame& frame, uint64_t number) {
     frame.slot->infer(work, frame.answer.report);
     if (turn) {
       turn->wait();
-      frame.slot->steady(filter_, frame.answer.report);
+      frame.slot->smooth_over_time(filter_, frame.answer.report);
       turn->pass();
     }
     frame.slot->answer(frame.maps, path_->settings().limits, rig_.get(), work, frame.answer.report);

@@ -1,113 +1,28 @@
-// The functions of endosdk.h. Each turns C structs into ours and every exception into a status; nothing else happens here.
+// The functions of endosdk.h for estimators. Each converts C structs and turns every exception into a status. Nothing else
+// happens here.
 #include <endosdk/endosdk.h>
 
-#include <condition_variable>
 #include <cstring>
 #include <memory>
-#include <mutex>
 #include <new>
 #include <string>
-#include <vector>
 
 #include "geometry/rig_file.hpp"
 #include "library/build_info.hpp"
 #include "library/capi_structs.hpp"
 #include "library/guarded.hpp"
+#include "library/handles.hpp"
 #include "library/open_request.hpp"
-#include "frame_path/stream.hpp"
 #include "model/providers.hpp"
-#include "platform/fair_lock.hpp"
 
+using endosdk::Call;
 using endosdk::FramePath;
 using endosdk::guarded;
+using endosdk::OpenedWith;
 using endosdk::require_pointer;
-using endosdk::Stream;
+using endosdk::with;
 
 namespace {
-
-// Calls inside a handle, which closing it waits for.
-class Callers {
- public:
-  void enter() {
-    const std::lock_guard lock(mutex_);
-    ++count_;
-  }
-
-  void leave() {
-    const std::lock_guard lock(mutex_);
-    if (--count_ == 0) none_.notify_all();
-  }
-
-  void wait_for_none() {
-    std::unique_lock lock(mutex_);
-    none_.wait(lock, [&] { return count_ == 0; });
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable none_;
-  int count_ = 0;
-};
-
-// What was asked for, and the frame path does not know.
-struct OpenedWith {
-  bool spinning = false;
-  bool model_pinned = false;
-  bool model_signed = false;
-  bool runtime_pinned = false;
-  int log_level = ENDO_LOG_WARNING;
-};
-
-}  // namespace
-
-struct endo_estimator {
-  std::shared_ptr<FramePath> path;
-  OpenedWith with{};
-  // Of all its streams. Shared with them: they may end after it.
-  std::shared_ptr<endosdk::ResultsInFlight> in_flight{};
-  endosdk::OwnProcess process{};
-  Callers callers{};
-};
-
-struct endo_stream {
-  std::unique_ptr<Stream> stream;
-  // Of the frames in flight, and of the one that is being received.
-  std::vector<endosdk::ResultWriter> writers;
-  std::vector<endo_result*> results;
-  std::shared_ptr<endosdk::ResultsInFlight> in_flight;
-  endosdk::OwnProcess process{};
-  endosdk::FairLock submitting{};
-  endosdk::FairLock receiving{};
-  uint64_t submitted = 0;
-  uint64_t received = 0;
-  Callers callers{};
-};
-
-namespace {
-
-// One call inside a handle.
-template <typename Handle>
-class Call {
- public:
-  Call(Handle* handle, const char* argument) : handle_(handle) {
-    require_pointer(handle, argument);
-    handle->process.check();
-    handle_->callers.enter();
-  }
-  ~Call() { handle_->callers.leave(); }
-  Call(const Call&) = delete;
-  Call& operator=(const Call&) = delete;
-
- private:
-  Handle* handle_;
-};
-
-// Runs the body with the frame path of an estimator.
-template <typename Body>
-void with(endo_estimator* estimator, const Body& body) {
-  const Call call(estimator, "estimator");
-  body(*estimator->path);
-}
 
 // One line for the log of a device: what computes from now on.
 void log_identity(const FramePath& path) {
@@ -315,96 +230,6 @@ endo_status endo_get_diagnostics(endo_estimator* estimator, char* buffer, size_t
     endosdk::require(size > report.size(), "size", "must be at least " + std::to_string(report.size() + 1) + " bytes", size);
     std::memcpy(buffer, report.c_str(), report.size() + 1);
   });
-}
-
-endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t height, int32_t* frames_in_flight,
-                             endo_stream** stream) {
-  return guarded([&] {
-    require_pointer(stream, "stream");
-    *stream = nullptr;
-    with(estimator, [&](FramePath& path) {
-      std::unique_ptr<Stream> opened = path.stream({width, height});
-      const size_t slots = static_cast<size_t>(opened->lanes()) + 1;
-      if (frames_in_flight != nullptr) *frames_in_flight = opened->lanes();
-      estimator->in_flight->make_room(slots);
-      *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots), std::vector<endo_result*>(slots),
-                                estimator->in_flight};
-    });
-  });
-}
-
-endo_status endo_stream_set_temporal(endo_stream* stream, int32_t temporal) {
-  return guarded([&] {
-    const Call call(stream, "stream");
-    endosdk::require(temporal == 0 || temporal == 1, "temporal", "must be 0 or 1", temporal);
-    stream->stream->set_temporal(temporal == 1);
-  });
-}
-
-endo_status endo_stream_submit(endo_stream* stream, const endo_image* left, const endo_image* right,
-                               endo_result* result) {
-  const endosdk::Clock::time_point asked = endosdk::Clock::now();
-  endosdk::ResultWriter writer;
-  const endo_status status = guarded([&] {
-    writer.accept(result);
-    const Call call(stream, "stream");
-    writer.beside(stream->in_flight);
-    const endosdk::FramePair pair = writer.stamped(endosdk::frame_pair(left, right));
-    writer.check(pair);
-    writer.join();
-    const std::lock_guard lock(stream->submitting);
-    endosdk::require(stream->stream->wait_for_room(), "stream", "must not have ended", "an ended one");
-    const size_t slot = static_cast<size_t>(stream->submitted % stream->writers.size());
-    stream->writers[slot] = writer;
-    stream->results[slot] = result;
-    stream->stream->submit(pair, writer.maps(), &stream->writers[slot], asked);
-    ++stream->submitted;
-  });
-  if (status != ENDO_OK) writer.write_failure();
-  return status;
-}
-
-endo_status endo_stream_receive(endo_stream* stream, endo_result** result) {
-  return guarded([&] {
-    require_pointer(result, "result");
-    *result = nullptr;
-    const Call call(stream, "stream");
-    const std::lock_guard lock(stream->receiving);
-    const std::optional<Stream::Answer> answer = stream->stream->receive();
-    if (!answer) return;
-    auto* writer = static_cast<endosdk::ResultWriter*>(answer->tag);
-    *result = stream->results[static_cast<size_t>(writer - stream->writers.data())];
-    ++stream->received;
-    if (answer->error) {
-      writer->write_failure();
-      std::rethrow_exception(answer->error);
-    }
-    writer->write(answer->report);
-  });
-}
-
-endo_status endo_stream_follow_rig(endo_stream* stream) {
-  return guarded([&] {
-    const Call call(stream, "stream");
-    stream->stream->follow_rig();
-  });
-}
-
-endo_status endo_stream_end(endo_stream* stream) {
-  return guarded([&] {
-    const Call call(stream, "stream");
-    stream->stream->end();
-  });
-}
-
-void endo_stream_close(endo_stream* stream) {
-  if (stream == nullptr || !stream->process.is_this()) return;
-  stream->stream->close();
-  stream->callers.wait_for_none();
-  for (uint64_t i = stream->received; i < stream->submitted; ++i) {
-    stream->writers[static_cast<size_t>(i % stream->writers.size())].let_go();
-  }
-  delete stream;
 }
 
 }  // extern "C"
