@@ -86,6 +86,9 @@ DepthLimits limits_of(const PostprocessInput& in) {
   return limits;
 }
 
+using Clock = std::chrono::steady_clock;
+using Milliseconds = std::chrono::duration<double, std::milli>;
+
 bool has_left(const PostprocessInput& in) { return in.left.data != nullptr; }
 bool has_right(const PostprocessInput& in) { return in.right.data != nullptr; }
 
@@ -94,7 +97,6 @@ Scale cells_of(const PostprocessInput& in) { return {in.scale.y / in.view_scale.
 
 // Compares the views where the network matched them, and lowers the confidence where they contradict it.
 void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
-  const auto started = std::chrono::steady_clock::now();
   if (has_right(in)) {
     scratch.views.compare(in.disparity, in.left, in.right, picture_of(in), cells_of(in), in.fields);
     scratch.measures.measure(scratch.views, picture_of(in).width);
@@ -103,7 +105,6 @@ void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
     }
   }
   scratch.consistency.judge(in.confidence, in.reach, has_right(in) ? &scratch.views : nullptr, has_right(in) ? cells_of(in) : Scale{});
-  scratch.trust_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started).count();
 }
 
 // A disparity map, and its pixels per output pixel.
@@ -115,16 +116,25 @@ struct Scaled {
 // Judges the views. Meanwhile, other threads upsample the disparity to the grid of the left view, if this view can guide it.
 Scaled judge_and_upsample(const PostprocessInput& in, PostprocessScratch& scratch) {
   JointBilateralUpsampling& upsampling = scratch.upsampling;
+  const auto since = [](Clock::time_point begin) { return Milliseconds(Clock::now() - begin).count(); };
   if (!has_left(in) || JointBilateralUpsampling::factor(in.disparity, in.left) == 0) {
+    const Clock::time_point started = Clock::now();
     judge_views(in, scratch);
+    scratch.trust_ms = since(started);
     return {in.disparity, in.scale};
   }
   upsampling.read(in.disparity, in.confidence, in.left, in.upsampling);
+  std::atomic<double> upsampling_ms = 0.0;  // of all threads together
   const auto write_rows = [&](int begin, int end, int) {
+    const Clock::time_point started = Clock::now();
     for (int y = begin; y < end; ++y) upsampling.write_row(y);
+    upsampling_ms += since(started);
   };
+  const Clock::time_point started = Clock::now();
   // The judgement has many short loops, which more threads speed up little. So it takes one thread, and the others upsample.
   parallel_for_beside([&] { judge_views(in, scratch); }, in.left.height, JointBilateralUpsampling::rows_per_block, write_rows);
+  // The judgement costs the frame what the threads would not have needed for the upsampling alone.
+  scratch.trust_ms = std::max(0.0, since(started) - upsampling_ms / thread_count());
   return {upsampling.map(), in.view_scale};
 }
 

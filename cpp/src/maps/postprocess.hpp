@@ -64,7 +64,7 @@ struct PostprocessScratch {
   PhotometricConsistency consistency;
   RowDisparity rows;
   ViewMeasures measures;
-  double trust_ms = 0.0;  // time to compare the views of the latest frame
+  double trust_ms = 0.0;  // by which the comparison of the views made the latest frame longer
 };
 
 // Writes the maps. Returns the number of pixels without a reason.
