@@ -8,7 +8,9 @@ status that is not 0.
 
 from __future__ import annotations
 
+import atexit
 import gc
+import signal
 import sys
 import types
 import warnings
@@ -40,6 +42,8 @@ def main() -> None:
         except EndoError as error:
             assert error.code.name in str(error)
 
+    # The fuzzer watches for time limits by an alarm. At the end, Python no longer has a handler for it.
+    atexit.register(signal.setitimer, signal.ITIMER_REAL, 0)
     limits = ["-timeout=20", "-rss_limit_mb=4096", "-max_len=16384", "-seed=1"]
     atheris.Setup([sys.argv[0], folder, f"-atheris_runs={runs}", *limits], one)
     atheris.Fuzz()
