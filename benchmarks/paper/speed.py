@@ -16,11 +16,11 @@ from benchmarks.paper.experiments import Experiment
 from benchmarks.paper.runs import config_gmacs
 from endosdk.io.whole_files import write_json
 from endosdk.jobs.machine import cpu_name
+from endosdk.training.devices import channels_last, precision_on
 from endosdk.training.loss import build_loss
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
-from endosdk.training.train import bf16_pays, channels_last
 
 TIMED_STEPS = 2  # the quicker one counts; a first one warms up
 
@@ -67,8 +67,7 @@ def seconds_per_step(settings: dict[str, Any], device: str) -> float:
     truth = 1 + settings["max_disparity"] * torch.rand(batch, 1, height, width).to(device) / 2
     part = settings.get("refine_crop")
     window = Window(0, 0, *part) if part else None
-    wished = settings.get("precision", "auto")
-    half = wished == "bf16" or (wished == "auto" and bf16_pays(torch.device(device)))
+    half = precision_on(torch.device(device), settings.get("precision", "auto")) == "bf16"
     times = []
     for _ in range(1 + TIMED_STEPS):
         started = time.perf_counter()

@@ -221,7 +221,7 @@ def _compared(left: np.ndarray, right: np.ndarray) -> tuple[float, float]:
 
 
 def displacement_of_frames(left: np.ndarray, right: np.ndarray) -> tuple[float, float]:
-    """How far apart two frames show their texture, thousandths of the width: in tiles with more of it, in the others."""
+    """How far apart two frames show their texture, thousandths of the width: in tiles with more of it, in the rest."""
     height, width = left.shape[:2]
     unit = max(1, (width + 240) // 480)
     places = [(size - 12 * unit) * np.arange(count) // (count - 1) for size, count in ((height, 12), (width, 16))]

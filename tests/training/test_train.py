@@ -15,12 +15,13 @@ from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import DatasetInvalid, InferenceFailed, InvalidArgument, ProviderUnavailable
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
+from endosdk.training.devices import bf16_pays
 from endosdk.training.networks import build_network
 from endosdk.training.networks.blocks import EXACT, ConvNorm
 from endosdk.training.release import release
 from endosdk.training.rounding import rounded_weights
 from endosdk.training.sets import split_pairs
-from endosdk.training.train import Run, bf16_pays, train
+from endosdk.training.train import Run, train
 from endosdk.training.validation import mean_errors, pad_to_multiple
 from tests.training.conftest import SIZE
 from tests.training.warped_set import write_warped_set

@@ -78,7 +78,7 @@ constexpr CauseFact cause_facts[] = {
      "the cameras have moved since they were calibrated", "calibrate the rig again"},
     {Cause::out_of_range, "OUT_OF_RANGE", "share of the field of view that is out of range", Bad::high, 0.25, never,
      "the surface is too near, too far, or outside the requested depths", "move the endoscope, or choose a model with a larger range"},
-    {Cause::low_texture, "LOW_TEXTURE", "share of the field of view with texture beyond its noise", Bad::low, 0.2, least_texture,
+    {Cause::low_texture, "LOW_TEXTURE", "share of the field of view with texture beyond noise and even shading", Bad::low, 0.2, least_texture,
      "there is nothing to compare in the images", "raise the light, or look at another place"},
     {Cause::late, "LATE", "time of the frame, as a share of the deadline", Bad::high, 1.0, never,
      "the frame took longer than its deadline", "choose a smaller network size or more threads"},

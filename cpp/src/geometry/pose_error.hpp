@@ -28,7 +28,7 @@ struct PosePattern {
   double cx = 0.0;
   double cy = 0.0;
   double doffs = 0.0;
-  bool calibrated = false;  // false: the focal length is a placeholder, and angles mean nothing
+  bool calibrated = false;  // false: a usual focal length is assumed, and angles mean nothing
 
   // Rows, px, by which the match of (x, y) with this disparity lies lower, per radian of each term.
   std::array<float, pose_terms> rows(float x, float y, float disparity) const {

@@ -18,6 +18,7 @@ from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import CalibrationSizeMismatch, DatasetInvalid, InferenceFailed, InvalidArgument
 from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.documents import parse_json
+from endosdk.io.file_hash import file_sha256
 from endosdk.io.locks import locked_folder
 from endosdk.io.picture_pairs import pair_pictures
 from endosdk.io.pictures import check_bits, read_frame
@@ -30,7 +31,7 @@ from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.limits import DEFAULT_LIMITS, Limits
 from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import Cause, DepthResult
-from endosdk.runtime.result_files import RESULT, file_sha256, write_maps, write_record
+from endosdk.runtime.result_files import RESULT, write_maps, write_record
 
 FORMAT_VERSION = 3  # a batch begun by an older one lacks files that a pair now has
 RECORD = "batch.json"

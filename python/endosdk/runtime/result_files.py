@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.io.file_hash import file_sha256
 from endosdk.io.pictures import write_picture
 from endosdk.io.point_cloud import write_ply
 from endosdk.io.whole_files import whole_file, write_json
@@ -132,12 +132,6 @@ def described(result: DepthResult) -> dict[str, Any]:
         "calibration_sha256": result.calibration_sha256,
         "provider": result.identity.provider,
     }
-
-
-def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _made(folder: str | Path) -> Path:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.util
 import re
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument, RuntimeHashMismatch, RuntimeMissing
 from endosdk.io.extras import must_install
+from endosdk.io.file_hash import file_sha256
 
 # In the packages from PyPI this one file is the runtime; the library for C beside it is not opened by Python.
 PATTERN = "capi/onnxruntime_pybind11_state*"
@@ -25,8 +25,7 @@ def runtime_file() -> Path | None:
 @functools.cache
 def sha256_of(file: Path) -> str:
     """Return the hash of a file, taken once: what was loaded stays in memory, whatever becomes of the file."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    return file_sha256(file)
 
 
 def check_pin(expected: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -19,11 +18,12 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.errors import DatasetInvalid, InvalidArgument, ProviderUnavailable
+from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.progress import progress
 from endosdk.training import checkpoint
 from endosdk.training.config import RESUMED, TrainConfig
 from endosdk.training.data import Crops, has_truth
+from endosdk.training.devices import channels_last, device_of, precision_on
 from endosdk.training.fit_confidence import fit_confidence
 from endosdk.training.loss import build_loss, volume_cross_entropy
 from endosdk.training.memory import keep_freed_memory
@@ -77,10 +77,10 @@ class Run:
 
     def __init__(self, config: TrainConfig, out: Path, rank: int = 0, world: int = 1, *, resume: bool = False) -> None:
         self.out, self.rank, self.world = out, rank, world
-        self.device = _device(config.device)
+        self.device = device_of(config.device)
         if config.threads is not None:
             torch.set_num_threads(config.threads)
-        self.precision = _precision(config.precision, self.device)
+        self.precision = precision_on(self.device, config.precision)
         if self.device.type == "cpu":
             keep_freed_memory()
         # Before the data, which takes its time to open: a wrong name or range is refused at once.
@@ -378,34 +378,3 @@ class Run:
         parts = self.reader.parts if isinstance(self.reader, JoinedReader) else [self.reader]
         splits = [part.split_sha256 for part in parts]
         return {"name": self.reader.name, "sha256": self.reader.sha256, "splits": splits, **counts}
-
-
-def bf16_pays(device: torch.device) -> bool:
-    """Tell whether bf16 is quicker than fp32 there: emulated on most processors, it is two to three times slower."""
-    if device.type == "cuda":
-        return True
-    return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
-
-
-def _precision(wanted: str, device: torch.device) -> str:
-    """Return what a run computes in there: bf16 or fp32."""
-    if wanted != "auto":
-        return wanted
-    return "bf16" if bf16_pays(device) else "fp32"
-
-
-def _device(name: str) -> torch.device:
-    if name == "cpu" or (name == "auto" and not torch.cuda.is_available()):
-        return torch.device("cpu")
-    if not torch.cuda.is_available():
-        raise ProviderUnavailable("device", "must be there, and torch finds no card", name)
-    return torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
-
-
-def channels_last(network: nn.Module) -> None:
-    """Order weights as the convolution kernels like them: a tenth to a quarter quicker on a CPU."""
-    for module in network.modules():
-        if isinstance(module, nn.Conv3d):
-            module.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
-        elif isinstance(module, nn.Conv2d):
-            module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
