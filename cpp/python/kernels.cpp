@@ -15,6 +15,7 @@
 #include "images/same_view.hpp"
 #include "kernels/kernels.hpp"
 #include "maps/coarse_match.hpp"
+#include "maps/repeated_pattern.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/temporal_filter.hpp"
 #include "platform/threads.hpp"
@@ -273,16 +274,27 @@ py::object rig_error_of(const py::array& disparity, const py::array& confidence,
   return pose_tuple(rows.measure(matched, sure, grid, {frame.second, frame.first}, shape));
 }
 
-// Coarse matching of a pair without the network, for tests: the gain in correlation from swapping the views, and the rows of
-// brightness by which matches lie lower.
-std::pair<double, double> coarse_match_of(const py::array& left, const py::array& right, std::pair<int, int> picture) {
+// The views of a pair, reduced as for the trust checks. The network's matches are not needed.
+MatchedViews reduced_views(const py::array& left, const py::array& right, std::pair<int, int> picture) {
   const PlanarView views[] = {read_only_planes(left, "left"), read_only_planes(right, "right")};
   const float nowhere = 0.0f;
   MatchedViews matched;
-  CoarseMatch match;
   matched.compare({&nowhere, 1, 1}, views[0], views[1], {picture.first, picture.second}, {1.0 / views[0].height, 1.0 / views[0].width}, {});
-  match.measure(matched);
+  return matched;
+}
+
+// Coarse matching of a pair without the network, for tests: the gain in correlation from swapping the views, and the rows of
+// brightness by which matches lie lower.
+std::pair<double, double> coarse_match_of(const py::array& left, const py::array& right, std::pair<int, int> picture) {
+  PatchSearch search;
+  CoarseMatch match;
+  match.measure(search, reduced_views(left, right, picture));
   return {match.exchanged_gain(), match.rows_off()};
+}
+
+double share_of_rivals_in(const py::array& left, const py::array& right, std::pair<int, int> picture) {
+  PatchSearch search;
+  return share_of_rivals(search, reduced_views(left, right, picture));
 }
 
 std::pair<double, double> lag_of(const std::vector<double>& moved_px, const std::vector<double>& rows_px) {
@@ -372,6 +384,8 @@ void bind_maps(py::module_& m) {
         "which the picture's content lay lower in the frame before, and by which matches lie lower in the right view.");
   m.def("coarse_match", &coarse_match_of, arg("left").noconvert(), arg("right").noconvert(), arg("picture"),
         "What exchanging the views gains in correlation, and the rows by which matches lie lower.");
+  m.def("share_of_rivals", &share_of_rivals_in, arg("left").noconvert(), arg("right").noconvert(), arg("picture"),
+        "Share of the textured patches of the left view that match at two places of their row.");
   m.def("postprocess", &postprocess_arrays, arg("fields"), arg("out"),
         "Fill the full-size maps of one frame; returns the number of valid pixels.");
   py::class_<TemporalFilter>(m, "TemporalFilter", "Disparity of one camera's frames, made steady in time.")

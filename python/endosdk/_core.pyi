@@ -48,6 +48,7 @@ class Cause(enum.IntEnum):
     VIEWS_DIFFER = 13
     FEW_VALID = 14
     STALE = 15
+    REPEATED_PATTERN = 16
 
 class _CauseFact(TypedDict):
     measure: str  # what the number counts, and in which unit
@@ -274,6 +275,9 @@ def rig_error(
 
 def coarse_match(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> tuple[float, float]:
     """Return what exchanging the views gains in correlation, and the rows by which matches lie lower."""
+
+def share_of_rivals(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> float:
+    """Share of the textured patches of the left view that match at two places of their row."""
 
 def lag_of(moved_px: Sequence[float], rows_px: Sequence[float]) -> tuple[float, float]:
     """Return by how many frames the right view is late, and the standard error of that.

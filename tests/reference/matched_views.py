@@ -133,6 +133,31 @@ def coarse_match(left: np.ndarray, right: np.ndarray, picture: tuple[int, int]) 
     return float(np.mean(gains)), _rows_off(np.array(likeness), farthest)
 
 
+def share_of_rivals(left: np.ndarray, right: np.ndarray, picture: tuple[int, int]) -> float:
+    """Share of the patches whose row holds a second match, five cells or more away, nearly as good as the best one."""
+    here, there = (cell_levels(view, picture[1], picture[0]) for view in (left, right))
+    height, cells = here.shape
+    longest, crossed = cells // 4, cells // 16
+    first, last = longest // 2 + 5, cells - 6
+    if last <= first or height <= 8:
+        return np.nan
+    windows = np.lib.stride_tricks.sliding_window_view(there, (9, 11)).reshape(height - 8, cells - 10, -1)
+    rivals = []
+    for j, i in np.ndindex(10, 10):
+        x, y = first + i * (last - first) // 9, 4 + j * (height - 9) // 9
+        patch = here[y - 4 : y + 5, x - 5 : x + 6].ravel()
+        if patch.var() <= 4:
+            continue
+        places = np.arange(max(5, x - longest), min(last, x + crossed) + 1)
+        seen = _correlations(patch, windows[y - 4, places - 5])
+        if seen.max() >= 0.6:
+            near = seen > seen.max() - 0.03
+            best = seen.argmax()
+            sides = near[best:], near[best::-1]
+            rivals.append(any(side[max(5, side.argmin()) :].any() for side in sides if not side.all()))
+    return float(np.mean(rivals)) if len(rivals) >= 16 else np.nan
+
+
 def _rows_off(likeness: np.ndarray, level: int) -> float:
     """The row [patch, row] on which all patches are most alike, from that at ``level`` on."""
     mean = likeness.mean(axis=0)

@@ -33,9 +33,10 @@ enum class Cause : int {
   views_differ = ENDO_CAUSE_VIEWS_DIFFER,
   few_valid = ENDO_CAUSE_FEW_VALID,
   stale = ENDO_CAUSE_STALE,
+  repeated_pattern = ENDO_CAUSE_REPEATED_PATTERN,
 };
 
-constexpr int cause_count = 16;
+constexpr int cause_count = 17;
 
 // Number of measures that fit in the C result; it has room for causes of later releases.
 constexpr int most_causes = ENDO_MOST_CAUSES;
@@ -88,6 +89,8 @@ constexpr CauseFact cause_facts[] = {
      "few pixels are valid", "look at the reasons of the pixels"},
     {Cause::stale, "STALE", "age of the pair when its result was returned, as a share of the largest allowed age", Bad::high, 1.0, never,
      "the pair was taken too long ago", "do not show it, and drop queued frames"},
+    {Cause::repeated_pattern, "REPEATED_PATTERN", "share of the textured patches that match at two places of their row", Bad::high, 0.5, 0.9,
+     "the image repeats itself, so matches may be wrong by whole periods", "look at a place with other texture"},
 };
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);

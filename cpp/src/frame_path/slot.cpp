@@ -104,6 +104,7 @@ void Slot::judge(const MapsOut& maps, const Rig* rig, FrameReport& report) {
   report.causes.set(Cause::saturated, scratch_.measures.saturated());
   report.causes.set(Cause::blurred, scratch_.measures.blur());
   report.causes.set(Cause::dim, scratch_.measures.level());
+  report.causes.set(Cause::repeated_pattern, scratch_.rivals);
   judge_same_view(rig, report);
   judge_rig(report);
   if (report.causes.raised(Cause::same_view_twice)) return;
@@ -126,7 +127,7 @@ void Slot::judge_same_view(const Rig* rig, FrameReport& report) const {
 }
 
 void Slot::explain_failure(bool failed, FrameReport& report) {
-  coarse_match_.measure(scratch_.views);
+  coarse_match_.measure(scratch_.search, scratch_.views);
   if (failed) report.causes.set(Cause::swapped, coarse_match_.exchanged_gain());
   const bool swapped = report.causes.raised(Cause::swapped);
   const double row = 2.0 * scratch_.views.unit() * stage_->frame().height / stage_->picture().height;

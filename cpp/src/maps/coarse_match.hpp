@@ -1,19 +1,18 @@
 // Finds out why two views do not agree. It searches patches of the left view in the right view, on both sides and on other
-// rows, without the network. The search takes longer than other checks. It runs only for frames that failed those checks, or
-// for which no rotation of the rig could be measured.
+// rows. The search takes longer than other checks. It runs only for frames that failed those checks, or for which no rotation of
+// the rig could be measured.
 #pragma once
 
 #include <array>
 #include <vector>
 
-#include "kernels/kernels.hpp"
-#include "maps/matched_views.hpp"
+#include "maps/patch_search.hpp"
 
 namespace endosdk {
 
 class CoarseMatch {
  public:
-  void measure(const MatchedViews& views);
+  void measure(PatchSearch& search, const MatchedViews& views);
 
   // How much better patches correlate with the right view on their right, where matches of swapped views lie, than on their
   // left. NaN where there is too little texture.
@@ -28,18 +27,10 @@ class CoarseMatch {
   static constexpr int rows_tried = 2 * farthest_row + 1;
   using Likeness = std::array<double, rows_tried>;  // how well one patch correlates on each row
 
-  void find_spread(const MatchedViews& views);
-  bool read_patch(const MatchedViews& views, int x, int y);
-  void correlate(const MatchedViews& views, int x, int y, int count);
   double find_rows(size_t patches) const;
 
   double exchanged_gain_ = 0.0;
   double rows_off_ = 0.0;
-  std::array<float, patch_cells> patch_;  // grey levels less their mean
-  float deviation_ = 0.0f;                // root of the sum of squares of `patch_`
-  std::vector<float> spread_;  // 1 / root of the sum of squares of the patch around each cell of the right view; 0: flat
-  std::vector<float> columns_;
-  std::vector<float> found_;
   std::vector<Likeness> likeness_;
 };
 

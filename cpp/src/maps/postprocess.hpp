@@ -9,6 +9,7 @@
 #include "maps/glare_rows.hpp"
 #include "maps/joint_bilateral.hpp"
 #include "maps/maps.hpp"
+#include "maps/patch_search.hpp"
 #include "maps/row_disparity.hpp"
 #include "maps/view_measures.hpp"
 #include "images/image.hpp"
@@ -64,6 +65,8 @@ struct PostprocessScratch {
   PhotometricConsistency consistency;
   RowDisparity rows;
   ViewMeasures measures;
+  PatchSearch search;
+  double rivals = 0.0;  // see share_of_rivals()
   double trust_ms = 0.0;  // by which the comparison of the views made the latest frame longer
 };
 
