@@ -140,6 +140,20 @@ def _turned(degrees: float, axis: int) -> Spoil:
     return spoil
 
 
+def _scaled(scale: float) -> Spoil:
+    """The right view of a camera with another focal length."""
+
+    def spoil(sample: Sample, rng: np.random.Generator) -> Sample:
+        height, width = sample.right.shape[:2]
+        around = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), 0.0, scale)
+        right = cv2.warpAffine(
+            sample.right, around, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+        return replace(sample, right=np.asarray(right, np.uint8))
+
+    return spoil
+
+
 def _partly_covered(sample: Sample, rng: np.random.Generator) -> Sample:
     """Blood or a drop of fluid over the lower half of one lens."""
     right = sample.right.copy()
@@ -200,4 +214,5 @@ FAULTS = (
         for angle in (0.5, 1.0)
         for axis, how in enumerate(("pitched", "yawed", "rolled"))
     ),
+    Case("right view larger by 1 %", _scaled(1.01), (Cause.SCALES_DIFFER,)),
 )  # fmt: skip

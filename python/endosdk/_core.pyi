@@ -49,6 +49,7 @@ class Cause(enum.IntEnum):
     FEW_VALID = 14
     STALE = 15
     REPEATED_PATTERN = 16
+    SCALES_DIFFER = 17
 
 class _CauseFact(TypedDict):
     measure: str  # what the number counts, and in which unit

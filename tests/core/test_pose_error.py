@@ -31,6 +31,14 @@ def turned(view: np.ndarray, rotation_deg: tuple[float, float, float]) -> np.nda
     return np.asarray(cv2.warpPerspective(view, warp, (960, 720), flags=cv2.INTER_CUBIC))
 
 
+def zoomed(view: np.ndarray, scale: float) -> np.ndarray:
+    """The picture of a camera of `RIG` with another focal length."""
+    import cv2
+
+    warp = np.array([[scale, 0, (1 - scale) * 479.5], [0, scale, (1 - scale) * 359.5]])
+    return np.asarray(cv2.warpAffine(view, warp, (960, 720), flags=cv2.INTER_CUBIC))
+
+
 def cycles_pair(number: int) -> tuple[np.ndarray, np.ndarray]:
     import cv2
 
@@ -63,7 +71,7 @@ def test_equals_twin(isa: str, threads: int, restored_settings: None) -> None:
     expected = pose_error.rig_error(*arguments)
     assert seen is not None and expected is not None
     np.testing.assert_allclose(seen[0], expected[0], atol=3e-5)
-    np.testing.assert_allclose(np.reshape(seen[1], (5, 5)), expected[1], rtol=0.05, atol=1e-7)
+    np.testing.assert_allclose(np.reshape(seen[1], (6, 6)), expected[1], rtol=0.05, atol=1e-7)
     assert abs(expected[0][0]) > 1e-3  # there was something to find
 
 
@@ -122,16 +130,38 @@ def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
     assert np.median(clean.sigma[both]) < 0.5 * np.median(moved.sigma[both])
 
 
+def test_views_of_different_scale_are_named_and_sigma_grows() -> None:
+    left, right = cycles_pair(0)
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        clean = estimator.predict(left, right)
+        larger = estimator.predict(left, zoomed(right, 1.01))
+    with DepthEstimator("fast") as without:
+        unknown = without.predict(left, zoomed(right, 0.99))
+    assert clean.measures[_core.Cause.SCALES_DIFFER] == 0
+    for frame in (larger, unknown):
+        assert frame.causes[_core.Cause.SCALES_DIFFER] == pytest.approx(1, abs=0.15)
+        assert frame.status == _core.Status.DEGRADED
+    border = np.s_[:, 850:]
+    both = (clean.reasons[border] == 0) & (larger.reasons[border] == 0)
+    assert np.median(larger.sigma[border][both] / clean.sigma[border][both]) > 3
+
+
 @every_isa
-def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, restored_settings: None) -> None:
+@pytest.mark.parametrize("scale", [1.0, 0.99])
+def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, scale: float, restored_settings: None) -> None:
     left, right = cycles_pair(0)
     _core.set_isa(isa)
     session = StereoSession(read_model("fast"), threads=1)
     with DepthEstimator("fast", calibration=RIG) as estimator:
-        seen = estimator.predict(left, turned(right, (0.3, -0.4, 0.2)))
+        estimator.predict(left, zoomed(turned(right, (0.3, -0.4, 0.2)), scale))
         run = NetworkRun(session, 360, 480)
         _core.pack(*estimator.rectified_pair(), run.left, run.right, "rgb")
     run()
+    shape = (480, 360), (2.0, 2.0), PATTERN
+    found_error = _core.rig_error(run.disparity, run.confidence, run.left, run.right, *shape)
+    assert found_error is not None
+    pose, covariance = found_error[:2]
+    errors = np.sqrt(np.diag(np.reshape(covariance, (6, 6))))
     scale = 0.5 / session.info.output_stride
     fields = {"disparity": run.disparity, "confidence": run.confidence, "left": run.left}
     fields |= {"right": run.right, "scale": (scale, scale), "view_scale": (0.5, 0.5), "gain": 2.0}
@@ -144,9 +174,9 @@ def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, restored_settings: None)
         sigmas.append(maps["sigma"])
     network, found = sigmas
     valid = maps["reasons"] == 0
-    assert seen.rig is not None and seen.rig.rotation_deg is not None and seen.rig.rotation_se_deg is not None
-    turns = np.radians(seen.rig.rotation_deg), np.radians(seen.rig.rotation_se_deg)
-    expected = postprocess.rig_sigma(maps["depth"], network, *turns, focal_baseline=4000.0, pattern=PATTERN)
+    expected = postprocess.rig_sigma(
+        maps["depth"], network, np.array(pose), errors, focal_baseline=4000.0, pattern=PATTERN
+    )
     np.testing.assert_allclose(found[valid], expected[valid], rtol=1e-3)
     assert np.median(expected[valid] / network[valid]) > 2
 

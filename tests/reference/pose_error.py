@@ -6,15 +6,15 @@ import numpy as np
 
 from tests.reference.view_measures import brightness, noise, seen_cells
 
-POSE_PRIOR = np.array([0.1, 0.1, 0.1, 0.01, 0.01])
+POSE_PRIOR = np.array([0.1, 0.1, 0.1, 0.01, 0.01, 0.03])
 
 
 def pose_rows(x: np.ndarray, y: np.ndarray, disparity: np.ndarray, pattern: tuple) -> np.ndarray:
-    """Rows, px, by which the match of (x, y) lies lower per radian of turn about x, y, z and of baseline: [..., 5]."""
+    """Rows, px, by which the match of (x, y) lies lower per unit of turn (x, y, z), baseline and scale: [..., 6]."""
     fx, fy, cx, cy, doffs = pattern
     metric = (disparity + doffs) / fx
     u, v = (x - cx) / fx - metric, (y - cy) / fy
-    terms = -fy * (1 + v * v), fy * u * v, fy * u, fy * metric, -fy * v * metric
+    terms = -fy * (1 + v * v), fy * u * v, fy * u, fy * metric, -fy * v * metric, fy * v
     return np.stack(np.broadcast_arrays(*terms), axis=-1)
 
 
@@ -54,7 +54,7 @@ def _robust(size: np.ndarray, tuned: float, cut: bool) -> np.ndarray:
 
 def _refined(value: np.ndarray, rows: np.ndarray, rest: np.ndarray, weight: np.ndarray) -> tuple:
     """One fit of the pose: value, the step taken, the normal matrix and the scatter."""
-    step = np.zeros(5)
+    step = np.zeros(6)
     for again in range(3):
         size = np.abs(rest - rows @ step)
         some = np.sort(size[:: len(size) // 512 + 1])
@@ -74,7 +74,7 @@ def rig_error(
     frame: tuple[float, float],
     pattern: tuple,
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Turns and baseline directions, radians, that explain what is left across the rows, and their covariance.
+    """Turns, baseline directions and scale that explain what is left across the rows, and their covariance.
 
     ``picture`` is (width, height) of what is no padding, ``frame`` the frame's pixels per pixel of the views, along x
     and y; ``pattern`` focal lengths, principal point and doffs in the frame's pixels.
@@ -94,7 +94,7 @@ def rig_error(
     x, y = (2 * np.arange(cells) + 0.5) * across - 0.5, (np.arange(height) + 0.5) * down - 0.5
     terms = pose_rows(x[None, :], y[:, None], across * found, pattern)
     bands, along = range((height - 5) // 6 + 1), (cells - 1) // 2
-    value = np.zeros(5)
+    value = np.zeros(6)
     every, passes = 3, 0
     while True:
         offset = terms @ value / down
@@ -124,5 +124,5 @@ def rig_error(
     middle = sums.T @ sums * len(sums) / (len(sums) - 1) + np.diag(1 / POSE_PRIOR**2)
     bread = np.linalg.inv(normal)
     common = np.diag((0.03 * value) ** 2 + 1e-8)
-    factor = np.array([1.1, 2.0, 1.5, 2.0, 2.0])
+    factor = np.array([1.1, 2.0, 1.5, 2.0, 2.0, 2.0])
     return value, np.outer(factor, factor) * (bread @ middle @ bread) + common

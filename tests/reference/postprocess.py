@@ -74,14 +74,15 @@ def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, g
 
 
 def rig_sigma(
-    depth: np.ndarray, sigma: np.ndarray, turn: np.ndarray, error: np.ndarray, *, focal_baseline: float, pattern: tuple
+    depth: np.ndarray, sigma: np.ndarray, pose: np.ndarray, error: np.ndarray, *, focal_baseline: float, pattern: tuple
 ) -> np.ndarray:
-    """Sigma, mm, with what turns of the right camera, radians, add beyond their standard errors."""
+    """Sigma, mm, with what the six terms of a pose error add beyond their standard errors."""
     focal_x, focal_y, cx, cy, _ = pattern
     rows, columns = np.indices(depth.shape)
     u, v = (columns - cx) / focal_x, (rows - cy) / focal_y
-    moved = -focal_x * u * v, focal_x * (1 + u * u), -focal_x * v
-    certain = np.clip(np.square(turn) - np.square(2.5 * error), 0, None)
+    # The baseline's two terms move matches across the rows alone.
+    moved = -focal_x * u * v, focal_x * (1 + u * u), -focal_x * v, 0.0, 0.0, focal_x * u
+    certain = np.clip(np.square(pose) - np.square(2.5 * error), 0, None)
     px = sum(variance * term**2 for variance, term in zip(certain, moved, strict=True))
     return np.sqrt(sigma**2 + (depth**2 / focal_baseline) ** 2 * px)
 

@@ -289,7 +289,8 @@ typedef enum endo_cause {
     ENDO_CAUSE_VIEWS_DIFFER = 13,     /* the two views do not show the same scene */
     ENDO_CAUSE_FEW_VALID = 14,        /* few pixels are valid */
     ENDO_CAUSE_STALE = 15,            /* the pair was taken longer ago than options.max_age_ms */
-    ENDO_CAUSE_REPEATED_PATTERN = 16  /* the image repeats itself, so matches may be wrong by whole periods */
+    ENDO_CAUSE_REPEATED_PATTERN = 16, /* the image repeats itself, so matches may be wrong by whole periods */
+    ENDO_CAUSE_SCALES_DIFFER = 17     /* zoom or focus of the cameras differ */
 } endo_cause;
 
 #define ENDO_MOST_CAUSES 32

@@ -34,9 +34,10 @@ enum class Cause : int {
   few_valid = ENDO_CAUSE_FEW_VALID,
   stale = ENDO_CAUSE_STALE,
   repeated_pattern = ENDO_CAUSE_REPEATED_PATTERN,
+  scales_differ = ENDO_CAUSE_SCALES_DIFFER,
 };
 
-constexpr int cause_count = 17;
+constexpr int cause_count = 18;
 
 // Number of measures that fit in the C result; it has room for causes of later releases.
 constexpr int most_causes = ENDO_MOST_CAUSES;
@@ -91,6 +92,8 @@ constexpr CauseFact cause_facts[] = {
      "the pair was taken too long ago", "do not show it, and drop queued frames"},
     {Cause::repeated_pattern, "REPEATED_PATTERN", "share of the textured patches that match at two places of their row", Bad::high, 0.5, 0.9,
      "the image repeats itself, so matches may be wrong by whole periods", "look at a place with other texture"},
+    {Cause::scales_differ, "SCALES_DIFFER", "by how much one view is larger than the other one, percent", Bad::high, 0.5, never,
+     "zoom or focus of the cameras differ", "set the same zoom on both cameras, or calibrate the rig again"},
 };
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);

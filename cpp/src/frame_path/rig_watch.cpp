@@ -13,7 +13,7 @@ void RigWatch::add(FrameReport& report, Slot& slot) {
   if (report.causes.raised(Cause::not_simultaneous)) {
     // The apparent rotation comes from the motion, so its causes are removed. A cause that made the frame invalid stays,
     // because the status follows from it.
-    for (const Cause turned : {Cause::rig_moved, Cause::not_rectified}) {
+    for (const Cause turned : {Cause::rig_moved, Cause::not_rectified, Cause::scales_differ}) {
       if (report.causes.level(turned) != Quality::invalid) report.causes.set(turned, never);
     }
   } else {

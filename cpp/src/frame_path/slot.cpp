@@ -136,8 +136,7 @@ void Slot::explain_failure(bool failed, FrameReport& report) {
   const bool missed = report.pose.measured && report.pose.vertical_px < least_found * rows_off;
   if (swapped || missed || report.causes.raised(Cause::views_differ)) {
     report.pose = {};
-    report.causes.set(Cause::rig_moved, never);
-    report.causes.set(Cause::not_rectified, never);
+    for (const Cause measured : {Cause::rig_moved, Cause::not_rectified, Cause::scales_differ}) report.causes.set(measured, never);
   }
   if (swapped || report.pose.measured) return;
   report.causes.set(Cause::not_rectified, rows_off);
@@ -153,6 +152,7 @@ void Slot::judge_rig(FrameReport& report) const {
   report.pose = scratch_.rows.latest();
   if (!report.pose.measured) return;
   const PoseError& pose = report.pose;
+  report.causes.set(Cause::scales_differ, 100.0 * std::abs(pose.certain_scale()));
   if (has_rig_) report.causes.set(Cause::rig_moved, degrees_per_radian * turn_length(pose.certain_turns()));
   if (report.causes.raised(Cause::rig_moved)) return;
   // Rows may differ although no rotation is certain, for example if a lens is not as it was calibrated.

@@ -9,10 +9,9 @@
 namespace endosdk {
 namespace {
 
-// Prior knowledge, radians: cameras rotate by a few degrees at most. A baseline keeps its direction to half a degree, because
-// only a bent shaft changes it.
-constexpr double turn_prior = 0.1;
-constexpr double baseline_prior = 0.01;
+// Prior knowledge, in the units of the terms: cameras rotate by a few degrees at most. A baseline keeps its direction to half a
+// degree, because only a bent shaft changes it. Views of one rig have the same scale to a few hundredths.
+constexpr PoseVector prior_deviation = {0.1, 0.1, 0.1, 0.01, 0.01, 0.03};
 
 constexpr int least_measurements = 100;
 constexpr int least_blocks = 6;
@@ -25,15 +24,11 @@ constexpr double tukey = 4.685;
 
 // Errors that the whole picture has in common, so that its blocks cannot show them. They were measured on rendered pairs with
 // known rotation, see tests/core/test_pose_error.py.
-constexpr PoseVector common_factor = {1.1, 2.0, 1.5, 2.0, 2.0};
+constexpr PoseVector common_factor = {1.1, 2.0, 1.5, 2.0, 2.0, 2.0};
 constexpr double common_share = 0.03;  // share of the value itself
-constexpr double common_floor = 1e-4;  // radians
+constexpr double common_floor = 1e-4;  // units of the terms
 
-PoseVector priors(const PoseVector& value) {
-  PoseVector result{};
-  for (size_t i = 0; i < pose_terms; ++i) result[i] = value[i] / (i < 3 ? turn_prior * turn_prior : baseline_prior * baseline_prior);
-  return result;
-}
+double prior_of(size_t term) { return 1.0 / (prior_deviation[term] * prior_deviation[term]); }
 
 double cut_weight(double share) {
   const double left = 1.0 - share * share;
@@ -46,7 +41,7 @@ PosePattern::Line PosePattern::line(const PoseVector& value, double y) const {
   const double v = (y - cy) / focal_y;
   const double per_u = focal_y * (value[1] * v + value[2]);
   const double per_focal = focal_y * (value[3] - value[4] * v) - per_u;
-  const double start = -focal_y * (1.0 + v * v) * value[0] - per_u * cx / focal_x + per_focal * doffs / focal_x;
+  const double start = focal_y * (v * value[scale_term] - (1.0 + v * v) * value[0]) - per_u * cx / focal_x + per_focal * doffs / focal_x;
   return {static_cast<float>(start), static_cast<float>(per_u / focal_x), static_cast<float>(per_focal / focal_x)};
 }
 
@@ -61,6 +56,11 @@ PoseVector PoseError::certain_turns() const {
     if (std::abs(turn) > certain_errors * standard_error(i)) turns[static_cast<size_t>(i)] = turn;
   }
   return turns;
+}
+
+double PoseError::certain_scale() const {
+  const double scale = value[scale_term];
+  return std::abs(scale) > certain_errors * standard_error(scale_term) ? scale : 0.0;
 }
 
 void PoseMeasurements::resize(int count) {
@@ -137,8 +137,6 @@ bool PoseMeasurements::refine(PoseVector& value) {
   if (std::count(seen.begin(), seen.end(), true) < least_blocks) return false;
   choose(static_cast<size_t>(measured));
   PoseVector step{};
-  const PoseVector pull = priors(value);
-  const PoseVector prior = priors({1.0, 1.0, 1.0, 1.0, 1.0});
   for (int round = 0; round < rounds; ++round) {
     tuned_ = scatter(step);
     variance_ = tuned_ * tuned_;
@@ -146,9 +144,9 @@ bool PoseMeasurements::refine(PoseVector& value) {
     const bool cut = round > 0;
     add_up(step, cut ? Robust::tukey : Robust::huber, (cut ? tukey : huber) * tuned_, normal_, side);
     for (size_t t = 0; t < pose_terms; ++t) {
-      side[t] = side[t] / variance_ - pull[t];
+      side[t] = side[t] / variance_ - prior_of(t) * value[t];
       for (size_t k = 0; k < pose_terms; ++k) normal_[t * pose_terms + k] /= variance_;
-      normal_[t * pose_terms + t] += prior[t];
+      normal_[t * pose_terms + t] += prior_of(t);
     }
     step = multiply(inverse(normal_), side);
   }
@@ -175,8 +173,7 @@ void PoseMeasurements::finish(PoseError& error) const {
       for (size_t k = 0; k < pose_terms; ++k) middle[t * pose_terms + k] += blocks / (blocks - 1.0) * pull[t] * pull[k];
     }
   }
-  const PoseVector prior = priors({1.0, 1.0, 1.0, 1.0, 1.0});
-  for (size_t t = 0; t < pose_terms; ++t) middle[t * (pose_terms + 1)] += prior[t];
+  for (size_t t = 0; t < pose_terms; ++t) middle[t * (pose_terms + 1)] += prior_of(t);
   const PoseMatrix inverted = inverse(normal_);
   error.covariance = multiply(multiply(inverted, middle), inverted);
   for (size_t t = 0; t < pose_terms; ++t) {

@@ -1,8 +1,9 @@
 // The pose error: how far a rig is from its calibration. It is fitted to the vertical disparity of a rectified pair.
 //
 // Each small rotation of the right camera, or of the baseline, moves matches off their rows in its own pattern. A rotation
-// about x moves them by a constant, about y by x * y, about z by x, and a rotation of the baseline by the disparity. The fit is
-// robust. Its covariance assumes errors that are correlated over large parts of the picture.
+// about x moves them by a constant, about y by x * y, about z by x, and a rotation of the baseline by the disparity. A right view
+// of another scale, for example by its zoom, moves them by y. The fit is robust. Its covariance assumes errors that are correlated
+// over large parts of the picture.
 #pragma once
 
 #include <array>
@@ -14,8 +15,10 @@
 
 namespace endosdk {
 
-// Terms: rotations of the right camera about x, y and z, then of the baseline down and forward, all in radians.
+// Terms: rotations of the right camera about x, y and z, then of the baseline down and forward, all in radians. Then the scale
+// of the right view against the left one, less 1.
 constexpr int pose_terms = fit_terms;
+constexpr size_t scale_term = 5;
 constexpr double certain_errors = 4.0;  // standard errors; a larger value is not taken for chance
 constexpr double degrees_per_radian = 57.29577951308232;
 using PoseVector = std::array<double, pose_terms>;
@@ -30,14 +33,14 @@ struct PosePattern {
   double doffs = 0.0;
   bool calibrated = false;  // false: a usual focal length is assumed, and angles mean nothing
 
-  // Rows, px, by which the match of (x, y) with this disparity lies lower, per radian of each term.
+  // Rows, px, by which the match of (x, y) with this disparity lies lower, per unit of each term.
   std::array<float, pose_terms> rows(float x, float y, float disparity) const {
     const auto metric = static_cast<float>(static_cast<double>(disparity) + doffs);
     const auto fy = static_cast<float>(focal_y);
     const float per_focal = metric / static_cast<float>(focal_x);
     const float u = (x - static_cast<float>(cx)) / static_cast<float>(focal_x) - per_focal;  // in the right view
     const float v = (y - static_cast<float>(cy)) / fy;
-    return {-fy * (1.0f + v * v), fy * u * v, fy * u, fy * per_focal, -fy * v * per_focal};
+    return {-fy * (1.0f + v * v), fy * u * v, fy * u, fy * per_focal, -fy * v * per_focal, fy * v};
   }
 
   // The same rows for given values of all terms together. Along one row of pixels they are linear in x and the disparity.
@@ -64,6 +67,9 @@ struct PoseError {
   // The rotations that chance does not explain, and 0 about the other axes. An axis about which the picture tells little must
   // neither hide a certain rotation about another axis, nor add to it.
   PoseVector certain_turns() const;
+
+  // The scale of the right view against the left one, less 1; 0 where chance explains it.
+  double certain_scale() const;
 };
 
 // The measurements of one pair. It keeps its memory between frames.

@@ -90,7 +90,7 @@ void add_products(const Chunk& of, int count, Doubles (*sums)[2]) {
 }  // namespace
 
 void add_up_fit(const FitSums& fit) {
-  static_assert(fit_terms == 5);
+  static_assert(fit_terms == 6);
   Doubles sums[fit_sums][2] = {};
   Chunk some;
   for (int first = 0; first < fit.count; first += chunk) {
@@ -102,6 +102,7 @@ void add_up_fit(const FitSums& fit) {
     add_products<3>(some, count, sums + 6);
     add_products<4>(some, count, sums + 10);
     add_products<5>(some, count, sums + 15);
+    add_products<6>(some, count, sums + 21);
   }
   for (int s = 0; s < fit_sums; ++s) {
     double sum = 0.0;

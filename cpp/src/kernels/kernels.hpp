@@ -224,7 +224,7 @@ struct RowWindows {
 
 // Number of terms of a robust linear fit, and number of its sums. The sums are the products of each term with itself and the
 // terms before it, then the products of each term with the rest.
-constexpr int fit_terms = 5;
+constexpr int fit_terms = 6;
 constexpr int fit_sums = fit_terms * (fit_terms + 1) / 2 + fit_terms;
 constexpr int fit_lanes = 8;
 

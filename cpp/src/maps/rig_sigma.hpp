@@ -1,5 +1,5 @@
-// The part of the expected depth error that comes from a rig that has moved. Its rotations also move matches along the rows,
-// where nothing shows it.
+// The part of the expected depth error that comes from a rig that has moved, or from views of different scale. Both also move
+// matches along the rows, where nothing shows it.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@ namespace endosdk {
 
 class RigSigma {
  public:
-  // `focal_baseline` is in px * mm. Rotations that their standard errors explain add nothing.
+  // `focal_baseline` is in px * mm. Values that their standard errors explain add nothing.
   RigSigma(const PoseError& error, const PosePattern& pattern, double focal_baseline);
 
   // Adds the square of this error to the square of sigma, mm, in one row.
@@ -18,7 +18,7 @@ class RigSigma {
 
  private:
   PosePattern pattern_;
-  std::array<double, 3> variance_{};  // of each rotation, radians squared
+  PoseVector variance_{};  // of rotations and scale; 0 for the baseline, which only moves matches across the rows
   double focal_baseline_;
   bool adds_ = false;
 };
