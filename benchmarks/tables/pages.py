@@ -51,7 +51,7 @@ DOCUMENTS = (
     "models/wang2020.md",
     "docs/numbers.md",
     "docs/datasets/endosim-gi.md",
-    "docs/model-file.md",
+    "docs/range.md",
     "docs/troubleshooting.md",
     "docs/trust.md",
     "docs/hardening.md",

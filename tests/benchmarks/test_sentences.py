@@ -138,7 +138,7 @@ SENTENCES = [
         stated_as(whole_percent, "speed/temporal", "share_of_a_frame"),
     ),
     (
-        "docs/model-file.md",
+        "docs/range.md",
         r"find (\S+) to (\S+) percentage points more, and lose up to (\S+) times as many",
         wider_margin,
     ),

@@ -224,6 +224,7 @@ SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "endo_stream_set_temporal": (c_int32, [c_void_p, c_int32]),
     "endo_stream_submit": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), POINTER(Result)]),
     "endo_stream_receive": (c_int32, [c_void_p, POINTER(POINTER(Result))]),
+    "endo_stream_wait": (c_int32, [c_void_p, c_double, POINTER(c_int32)]),
     "endo_stream_end": (c_int32, [c_void_p]),
     "endo_stream_follow_rig": (c_int32, [c_void_p]),
     "endo_stream_close": (None, [c_void_p]),

@@ -48,6 +48,18 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_a_sample_with_other_bytes_is_refused_when_first_read(root: Path) -> None:
+    reader = open_dataset(root, "train")
+    assert reader[0].id == "000000001"
+    record = root / "train" / "000000002" / "sample.json"
+    whole = record.read_text()
+    record.write_text(whole.replace("9.5", "9.25"))
+    with pytest.raises(DatasetInvalid, match=r"must have the bytes that dataset.json records.*000000002"):
+        reader[1]
+    record.write_text(whole)
+    assert reader[1].baseline_mm == 9.5
+
+
 def test_a_sample_survives_the_disk(tmp_path: Path) -> None:
     sample = make_sample()
     write_sample(tmp_path, "train", sample)

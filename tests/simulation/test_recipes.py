@@ -13,7 +13,8 @@ import pytest
 from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample, read_sample
 from endosdk.datasets.layouts import open_dataset
-from endosdk.datasets.verifier import hash_sample, verify_dataset
+from endosdk.datasets.sample_hash import hash_sample
+from endosdk.datasets.verifier import verify_dataset
 from endosdk.datasets.writer import write_sample
 from endosdk.errors import DependencyMissing, InvalidArgument, RendererUnavailable
 from endosdk.simulation.camera import rectified_pair

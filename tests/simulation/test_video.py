@@ -48,6 +48,35 @@ def test_every_frame_is_a_sample_of_one_scene(out: Path) -> None:
     assert frames[0].left.tobytes() != frames[1].left.tobytes()
 
 
+def test_poses_lead_from_one_frame_to_another(out: Path) -> None:
+    frames = list(open_dataset(out, "train"))
+    height, width = frames[0].disparity.shape
+    centre = np.array([(width - 1) / 2, (height - 1) / 2])
+    rows, columns = np.indices((height, width))
+
+    def depth_of(frame: Sample) -> np.ndarray:
+        return frame.focal_px * frame.baseline_mm / frame.disparity.astype(np.float64)
+
+    def pose_of(frame: Sample) -> tuple[np.ndarray, np.ndarray]:
+        scene = frame.info["scene"]
+        return np.array(scene["pose"]["axes"]), scene["scale"] * np.array(scene["pose"]["position"])
+
+    first, last = frames[0], frames[-1]
+    depth = depth_of(first)
+    points = np.stack(
+        [(columns - centre[0]) / first.focal_px, (rows - centre[1]) / first.focal_px, np.ones_like(depth)], axis=-1
+    )
+    (axes, position), (other_axes, other_position) = pose_of(first), pose_of(last)
+    seen = ((points * depth[..., None]) @ axes + position - other_position) @ other_axes.T
+    at = np.rint(seen[..., :2] / seen[..., 2:] * last.focal_px + centre).astype(int)
+    inside = (seen[..., 2] > 0) & (at >= 0).all(-1) & (at < (width, height)).all(-1)
+    found = depth_of(last)[at[inside][:, 1], at[inside][:, 0]]
+    error = np.abs(seen[inside][:, 2] / found - 1)
+    unmoved = np.abs(depth[inside] / found - 1)
+    assert inside.mean() > 0.5
+    assert np.nanmedian(error) < 0.01 < np.nanmedian(unmoved)
+
+
 def test_the_film_shows_both_views_side_by_side(out: Path) -> None:
     film_file = cv2.VideoCapture(str(out / "videos" / "train-003000000.mp4"))
     frames = []

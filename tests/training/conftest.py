@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from endosdk.datasets.verifier import hash_sample
+from endosdk.datasets.sample_hash import hash_sample
 from tests.training.exported_networks import Exported, shared_folder
 from tests.training.warped_set import write_warped_set
 

@@ -411,6 +411,10 @@ ENDO_API endo_status endo_stream_submit(endo_stream *stream, const endo_image *l
    stream has ended and nothing is left. */
 ENDO_API endo_status endo_stream_receive(endo_stream *stream, endo_result **result);
 
+/* The same with a limit of time, for a thread that has other work: wait until endo_stream_receive would return at once, but
+   longest_ms at most. *ready is then 1, else 0. 0 ms: look and return. At most one minute. */
+ENDO_API endo_status endo_stream_wait(endo_stream *stream, double longest_ms, int32_t *ready);
+
 /* No frame follows: what is in flight can still be received. */
 ENDO_API endo_status endo_stream_end(endo_stream *stream);
 

@@ -205,6 +205,13 @@ class Stream {
     return result;
   }
 
+  // Whether receive() would return at once. Waits for that, but `longest_ms` at most.
+  bool wait(double longest_ms) {
+    int32_t ready = 0;
+    check(endo_stream_wait(handle_.get(), longest_ms, &ready));
+    return ready == 1;
+  }
+
   void end() { check(endo_stream_end(handle_.get())); }
 
  private:

@@ -82,7 +82,7 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag, Clock
   require(frame.read, "stream", "must not have ended", "an ended one");
 }
 
-bool Stream::wait_for_answer(std::chrono::milliseconds longest) {
+bool Stream::wait_for_answer(std::chrono::microseconds longest) {
   path_->process().check();
   std::unique_lock lock(mutex_);
   return change_.wait_for(lock, longest, [&] { return has_answer(); });

@@ -54,7 +54,7 @@ class Stream {
   std::optional<Answer> receive();
 
   // The same with a limit of time: whether `receive` would return at once.
-  bool wait_for_answer(std::chrono::milliseconds longest);
+  bool wait_for_answer(std::chrono::microseconds longest);
 
   // No frame follows.
   void end();

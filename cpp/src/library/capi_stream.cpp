@@ -1,6 +1,7 @@
 // The functions of endosdk.h for streams.
 #include <endosdk/endosdk.h>
 
+#include <chrono>
 #include <exception>
 #include <memory>
 #include <mutex>
@@ -82,6 +83,18 @@ endo_status endo_stream_receive(endo_stream* stream, endo_result** result) {
       std::rethrow_exception(answer->error);
     }
     writer->write(answer->report);
+  });
+}
+
+endo_status endo_stream_wait(endo_stream* stream, double longest_ms, int32_t* ready) {
+  return guarded([&] {
+    require_pointer(ready, "ready");
+    *ready = 0;
+    const Call call(stream, "stream");
+    constexpr double most_ms = 60000.0;
+    endosdk::require(longest_ms >= 0.0 && longest_ms <= most_ms, "longest_ms", "must be within 0..60000", longest_ms);
+    const std::chrono::duration<double, std::milli> longest(longest_ms);
+    *ready = stream->stream->wait_for_answer(std::chrono::duration_cast<std::chrono::microseconds>(longest)) ? 1 : 0;
   });
 }
 

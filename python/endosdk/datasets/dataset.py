@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endosdk.datasets.sample_hash import hash_sample
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.documents import parse_json
@@ -67,7 +68,11 @@ def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDA
 
 
 class DatasetReader:
-    """The samples of one split, read from disk when asked for."""
+    """The samples of one split, read from disk when asked for.
+
+    The hash of the set stands in records and model files. So a sample must have the bytes that ``dataset.json``
+    records, which is checked when it is first read.
+    """
 
     def __init__(self, root: Path, split: str) -> None:
         """Read ``dataset.json`` of the set at ``root``."""
@@ -80,12 +85,22 @@ class DatasetReader:
         self.record = record
         self._hashes: dict[str, str] = record["samples"][split]
         self.ids = tuple(sorted(self._hashes))
+        self._verified: set[str] = set()
 
     def __len__(self) -> int:
         return len(self.ids)
 
     def __getitem__(self, index: int) -> Sample:
-        return read_sample(self.root / self.split / self.ids[index])
+        sample_id = self.ids[index]
+        folder = self.root / self.split / sample_id
+        if sample_id not in self._verified:
+            sample = read_sample(folder)  # says which file is missing or wrong
+            if hash_sample(folder) != self._hashes[sample_id]:
+                rule = "must have the bytes that dataset.json records; endosdk simulate --check DIR lists what differs"
+                raise DatasetInvalid("sample", rule, folder)
+            self._verified.add(sample_id)
+            return sample
+        return read_sample(folder)
 
     def film(self, index: int) -> str:
         """Name the film of which a sample is a frame: its id up to a dash and the number of the frame, else its id."""

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from endosdk.datasets.dataset import SPLITS, read_record
-
-
-def hash_sample(folder: Path) -> str:
-    """Return the sha256 over the names and contents of a sample's files."""
-    total = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
-        total.update(f"{path.name}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
-    return total.hexdigest()
+from endosdk.datasets.sample_hash import hash_sample
 
 
 def verify_dataset(root: str | Path) -> Iterator[tuple[str, str | None]]:

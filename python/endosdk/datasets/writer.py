@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.datasets.dataset import DISPARITY_STEPS, LARGEST_DISPARITY, Sample
-from endosdk.datasets.verifier import hash_sample
+from endosdk.datasets.sample_hash import hash_sample
 from endosdk.errors import InvalidArgument
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.io.whole_files import whole_folder, write_text

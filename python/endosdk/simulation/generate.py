@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, read_record
-from endosdk.datasets.verifier import hash_sample
+from endosdk.datasets.sample_hash import hash_sample
 from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.locks import locked_folder
