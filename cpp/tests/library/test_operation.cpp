@@ -174,7 +174,7 @@ void the_wrapper_throws_and_frees(const Places& at) {
   endo::Stream stream(estimator, width, height);
   stream.submit(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
   stream.end();
-  CHECK(stream.lanes() >= 1 && stream.receive() == &maps.result && maps.result.frame == 2 && stream.receive() == nullptr);
+  CHECK(stream.lanes() >= 1 && stream.wait(1000.0) && stream.receive() == &maps.result && maps.result.frame == 2 && stream.receive() == nullptr);
   const endo_calibration rig = raw_rig(width, height);
   const endo_point point = endo::point_at(rig, maps.result, 80, 48);
   CHECK(std::fabs(point.xyz[2] - static_cast<double>(maps.depth[48 * width + 80])) < 0.1);

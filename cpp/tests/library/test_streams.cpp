@@ -116,6 +116,34 @@ void bad_frames_are_refused_and_the_stream_goes_on(const Places& at) {
   endo_stream_close(nullptr);
 }
 
+void a_receiver_can_wait_for_a_while(const Places& at) {
+  using std::chrono::steady_clock;
+  const Opened estimator(at);
+  const OpenedStream stream(estimator);
+  int32_t ready = 7;
+  const auto started = steady_clock::now();
+  CHECK(endo_stream_wait(stream.handle, 30.0, &ready) == ENDO_OK && ready == 0);
+  CHECK(steady_clock::now() - started >= std::chrono::milliseconds(30));
+  const Pair pair(width, height, 9);
+  Output out(pixels);
+  CHECK(stream.submit(pair, out.result) == ENDO_OK);
+  CHECK(endo_stream_wait(stream.handle, 60000.0, &ready) == ENDO_OK && ready == 1);
+  CHECK(endo_stream_wait(stream.handle, 0.0, &ready) == ENDO_OK && ready == 1);  // nothing was taken
+  endo_result* result = nullptr;
+  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == &out.result);
+  CHECK(endo_stream_wait(stream.handle, 0.0, &ready) == ENDO_OK && ready == 0);
+  for (const double longest_ms : {-1.0, 60001.0, std::numeric_limits<double>::quiet_NaN()}) {
+    expect(endo_stream_wait(stream.handle, longest_ms, &ready), ENDO_INVALID_ARGUMENT, "longest_ms: must be within 0..60000");
+  }
+  expect(endo_stream_wait(stream.handle, 0.0, nullptr), ENDO_INVALID_ARGUMENT, "ready");
+  expect(endo_stream_wait(nullptr, 0.0, &ready), ENDO_INVALID_ARGUMENT, "stream");
+  // The end is an answer too: receiving then returns at once, with nothing.
+  std::thread ends([&] { CHECK(endo_stream_end(stream.handle) == ENDO_OK); });
+  CHECK(endo_stream_wait(stream.handle, 60000.0, &ready) == ENDO_OK && ready == 1);
+  ends.join();
+  CHECK(endo_stream_receive(stream.handle, &result) == ENDO_OK && result == nullptr);
+}
+
 void memory_of_a_frame_in_flight_is_not_taken_again(const Places& at) {
   const Opened estimator(at, with_threads(at, 3));
   const OpenedStream stream(estimator);
@@ -329,6 +357,7 @@ int main(int argc, char** argv) {
   for (const int threads : {1, 2, 3}) a_stream_gives_what_predict_gives_in_order(at, threads);
   one_thread_can_do_both_ends(at);
   bad_frames_are_refused_and_the_stream_goes_on(at);
+  a_receiver_can_wait_for_a_while(at);
   memory_of_a_frame_in_flight_is_not_taken_again(at);
   memory_in_flight_is_not_taken_by_other_calls_of_the_estimator(at);
   frames_in_flight_can_be_cancelled(at);
