@@ -50,7 +50,6 @@ DOCUMENTS = (
     "models/fast.md",
     "models/wang2020.md",
     "docs/numbers.md",
-    "docs/datasets/endosim-gi.md",
     "docs/range.md",
     "docs/troubleshooting.md",
     "docs/trust.md",
