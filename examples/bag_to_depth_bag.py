@@ -1,4 +1,4 @@
-"""A ROS bag of stereo pictures in, a ROS bag with depth, disparity and points out.
+"""Read a ROS bag of stereo images, and write one with depth, disparity and points.
 
 python examples/bag_to_depth_bag.py IN.bag RIG OUT.mcap
 """

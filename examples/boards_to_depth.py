@@ -1,4 +1,4 @@
-"""From pictures of a board to the first depth of an own endoscope: calibrate, save, look at one raw pair.
+"""Calibrate your endoscope from images of a board, save the rig, and compute the depth of one raw pair.
 
 python examples/boards_to_depth.py BOARDS_LEFT BOARDS_RIGHT COLUMNSxROWS SQUARE_MM LEFT.png RIGHT.png OUT_DIR
 """

@@ -1,6 +1,6 @@
-"""Lay left views of a data set out on one sheet: ``python examples/contact_sheet.py SET SPLIT ORGAN SHEET.jpg``.
+"""Show left views of a data set on one sheet: ``python examples/contact_sheet.py SET SPLIT ORGAN SHEET.jpg``.
 
-The first 24 of the organ are shown; the organ ``all`` stands for every one.
+The sheet shows the first 24 views of the organ. ``all`` stands for every organ.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Count what a data set holds: ``python examples/describe_set.py SET SPLIT [HISTOGRAM.png]``; prints numbers as JSON.
+"""Count what a data set contains: ``python examples/describe_set.py SET SPLIT [HISTOGRAM.png]``.
 
-The picture is the share of pixels at each disparity.
+The script prints the numbers as JSON. The histogram shows the share of pixels at each disparity.
 """
 
 from __future__ import annotations

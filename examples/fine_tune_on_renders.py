@@ -1,8 +1,9 @@
-"""Render scenes as an own rig sees them, fine-tune `fast` on them, and export it: what the rig gains is printed.
+"""Render pairs for your rig, fine-tune `fast` on them, export the model, and print the error before and after.
 
 python examples/fine_tune_on_renders.py RIG OUT_DIR [PAIRS [STEPS]]
 
-Some 500 pairs and 5,000 steps are a beginning; the defaults only show the way. It stops where a step fails.
+Begin with about 500 pairs and 5,000 steps. The defaults are small: they only show that every step works. The script
+stops if a step fails.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Measure in one stereo pair: a distance between two pixels, and the area inside an outline, with standard errors.
+"""Measure in one stereo pair: a distance between two pixels and the area inside an outline, with standard errors.
 
 python examples/measure.py LEFT.png RIGHT.png RIG
 """

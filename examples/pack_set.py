@@ -1,8 +1,10 @@
-"""Pack the finished test pairs of a rendered set into few bytes: ``python examples/pack_set.py SET PACKED``.
+"""Pack the finished test pairs of a rendered set into small files: ``python examples/pack_set.py SET PACKED``.
 
-Views become JPEG without chroma subsampling; the left truth and the occlusion mask stay exact. The right truth is left
-out: the rasteriser makes it again. Pairs that are packed already are left alone, so a set can be packed as it grows;
-its record is written when it is whole.
+- Views become JPEG without chroma subsampling.
+- The ground truth of the left view and the occlusion mask stay exact.
+- The ground truth of the right view is omitted. The rasteriser can make it again.
+- Pairs that are packed already do not change. So you can run the script again while the set grows.
+- The record of the packed set is written when all pairs are packed.
 """
 
 from __future__ import annotations

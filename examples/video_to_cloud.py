@@ -1,4 +1,4 @@
-"""A stereo video in, one coloured point cloud out: the points of its last frame, as a PLY file in mm.
+"""Read a stereo video, and write the points of its last frame as a coloured point cloud: a PLY file in mm.
 
 python examples/video_to_cloud.py VIDEO RIG OUT.ply
 """
