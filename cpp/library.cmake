@@ -88,8 +88,9 @@ install(TARGETS endosdk EXPORT endosdkTargets COMPONENT sdk)
 install(DIRECTORY include/endosdk TYPE INCLUDE COMPONENT sdk)
 # What a device's file says of its software goes with it, and so do the models that were tested.
 set(papers docs/device/endosdk.cdx.json docs/device/endosdk.spdx.json docs/device/soup.md docs/device/requirements.md)
-# Its header refers to these pages.
-list(APPEND papers docs/c-library.md docs/trust.md docs/model-file.md docs/device/providers.md docs/device/real-time.md)
+# Its header refers to these pages, or they do to each other.
+list(APPEND papers docs/c-library.md docs/trust.md docs/range.md docs/models.md docs/model-file.md docs/device/providers.md
+                   docs/device/real-time.md)
 foreach(paper LICENSE THIRD_PARTY_NOTICES.md SECURITY.md ${papers})
   install(FILES ${PROJECT_SOURCE_DIR}/${paper} TYPE DOC COMPONENT sdk)
 endforeach()
