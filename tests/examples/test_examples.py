@@ -40,6 +40,14 @@ def ran(name: str, *words) -> str:
     return done.stdout
 
 
+def test_torch_dataset():
+    printed = ran("torch_dataset.py", ROOT / "datasets" / "endosim-gi-cycles", "test").splitlines()
+    assert [line.split()[0] for line in printed[:5]] == ["left", "right", "disparity", "known", "occluded"]
+    assert printed[0].endswith("[4, 3, 256, 512]") and printed[3].endswith("[4, 256, 512]")
+    mean = float(printed[5].removeprefix("mean disparity ").removesuffix(" px"))
+    assert 5 < mean < 60  # of whole pairs: 10 to 40 px
+
+
 def test_video_to_cloud(folder):
     printed = ran("video_to_cloud.py", folder / "v.mkv", folder / "rig.json", folder / "out.ply")
     assert "frame 2, 0.08 s" in printed
