@@ -146,6 +146,26 @@ def test_views_of_different_scale_are_named_and_sigma_grows() -> None:
     assert np.median(larger.sigma[border][both] / clean.sigma[border][both]) > 3
 
 
+def test_with_a_longer_lens_a_smaller_turn_counts() -> None:
+    """0.15 degree moves the picture by 1 px with `RIG`, and by 2.3 px with a lens 2.2 times as long."""
+    import cv2
+
+    def enlarged(view: np.ndarray) -> np.ndarray:
+        return np.asarray(cv2.resize(view[196:523, 262:698], (960, 720), interpolation=cv2.INTER_CUBIC))
+
+    left, right = cycles_pair(0)
+    longer = StereoCalibration.rectified(400.0 * 960 / 436, 10.0, (960, 720))
+    lower = turned(right, (0.15, 0.0, 0.0))
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        harmless = estimator.predict(left, lower)
+    with DepthEstimator("fast", calibration=longer) as estimator:
+        clean = estimator.predict(enlarged(left), enlarged(right))
+        moved = estimator.predict(enlarged(left), enlarged(lower))
+    assert _core.Cause.RIG_MOVED not in {**harmless.causes, **clean.causes}
+    assert harmless.measures[_core.Cause.RIG_MOVED] == pytest.approx(0.15, abs=0.03)
+    assert moved.causes[_core.Cause.RIG_MOVED] == pytest.approx(0.15, abs=0.03)
+
+
 @every_isa
 @pytest.mark.parametrize("scale", [1.0, 0.99])
 def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, scale: float, restored_settings: None) -> None:

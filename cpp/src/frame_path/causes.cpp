@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "geometry/pose_error.hpp"
+
 namespace endosdk {
 namespace {
 
@@ -22,7 +24,11 @@ Quality Causes::level(Cause cause) const {
   const CauseFact& fact = cause_facts[index(cause)];
   const double measured = measure(cause);
   if (beyond(measured, fact.invalid, fact.bad)) return Quality::invalid;
-  return beyond(measured, fact.degraded, fact.bad) ? Quality::degraded : Quality::ok;
+  return beyond(measured, cause == Cause::rig_moved ? least_turn_ : fact.degraded, fact.bad) ? Quality::degraded : Quality::ok;
+}
+
+void Causes::set_focal(double widths) {
+  least_turn_ = std::min(cause_facts[index(Cause::rig_moved)].degraded, degrees_per_radian * least_motion_by_rig / widths);
 }
 
 uint64_t Causes::bits() const {

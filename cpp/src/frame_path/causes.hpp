@@ -98,6 +98,10 @@ constexpr CauseFact cause_facts[] = {
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);
 
+// With a longer lens, the same rotation of the rig moves the image further. So a frame is degraded from this motion on, a share of
+// the width, where the table's limit comes later. On a rig with a focal length of 0.42 widths both are the same.
+constexpr double least_motion_by_rig = 1.83e-3;
+
 // The causes of one frame. A cause that was not measured has the measure NaN, and is not raised.
 class Causes {
  public:
@@ -106,6 +110,9 @@ class Causes {
   void set(Cause cause, double measure) { measures_[index(cause)] = measure; }
   double measure(Cause cause) const { return measures_[index(cause)]; }
   bool measured(Cause cause) const { return measure(cause) == measure(cause); }
+
+  // Tells the focal length of a calibrated rig, in widths of the frame. The limit of `rig_moved` follows from it.
+  void set_focal(double widths);
 
   // The status that the table gives for this cause alone; ok if it is not raised.
   Quality level(Cause cause) const;
@@ -121,6 +128,7 @@ class Causes {
   static constexpr size_t index(Cause cause) { return static_cast<size_t>(cause); }
 
   std::array<double, cause_count> measures_;
+  double least_turn_ = cause_facts[index(Cause::rig_moved)].degraded;  // degrees
 };
 
 // The row of the table for a number from C or Python; null if there is no such cause.

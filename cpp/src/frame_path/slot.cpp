@@ -149,6 +149,7 @@ void Slot::explain_failure(bool failed, FrameReport& report) {
 
 void Slot::judge_rig(FrameReport& report) const {
   report.calibrated = has_rig_;
+  if (has_rig_) report.causes.set_focal(focal_x_ / stage_->frame().width);
   report.pose = scratch_.rows.latest();
   if (!report.pose.measured) return;
   const PoseError& pose = report.pose;
@@ -182,6 +183,7 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.valid_right = stage_->valid_right();
   has_rig_ = rig != nullptr;
   in.pattern = pattern_of(rig, frame, stage_->right_shift());
+  focal_x_ = in.pattern.focal_x;
   focal_y_ = in.pattern.focal_y;
   if (rig != nullptr) {
     const RectifiedGeometry& g = rig->geometry();

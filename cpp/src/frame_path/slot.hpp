@@ -75,6 +75,7 @@ class Slot {
   CoarseMatch coarse_match_;
   BrightnessPyramid brightness_;
   bool has_rig_ = false;  // whether the latest pair had a rig
+  double focal_x_ = 0.0;
   double focal_y_ = 0.0;
   double rest_apart_ = 0.0;  // of the latest pair, see FrameDisplacement
 };
