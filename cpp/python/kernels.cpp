@@ -286,15 +286,19 @@ MatchedViews reduced_views(const py::array& left, const py::array& right, std::p
 // Coarse matching of a pair without the network, for tests: the gain in correlation from swapping the views, and the rows of
 // brightness by which matches lie lower.
 std::pair<double, double> coarse_match_of(const py::array& left, const py::array& right, std::pair<int, int> picture) {
+  const MatchedViews views = reduced_views(left, right, picture);
   PatchSearch search;
+  search.take(views);
   CoarseMatch match;
-  match.measure(search, reduced_views(left, right, picture));
+  match.measure(search, views);
   return {match.exchanged_gain(), match.rows_off()};
 }
 
 double share_of_rivals_in(const py::array& left, const py::array& right, std::pair<int, int> picture) {
+  const MatchedViews views = reduced_views(left, right, picture);
   PatchSearch search;
-  return share_of_rivals(search, reduced_views(left, right, picture));
+  search.take(views);
+  return share_of_rivals(search, views);
 }
 
 std::pair<double, double> lag_of(const std::vector<double>& moved_px, const std::vector<double>& rows_px) {

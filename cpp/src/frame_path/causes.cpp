@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "geometry/pose_error.hpp"
-
 namespace endosdk {
 namespace {
 
@@ -28,7 +26,7 @@ Quality Causes::level(Cause cause) const {
 }
 
 void Causes::set_focal(double widths) {
-  least_turn_ = std::min(cause_facts[index(Cause::rig_moved)].degraded, degrees_per_radian * least_motion_by_rig / widths);
+  least_turn_ = cause_facts[index(Cause::rig_moved)].degraded * std::min(1.0, focal_of_table / widths);
 }
 
 uint64_t Causes::bits() const {

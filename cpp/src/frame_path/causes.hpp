@@ -98,9 +98,9 @@ constexpr CauseFact cause_facts[] = {
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);
 
-// With a longer lens, the same rotation of the rig moves the image further. So a frame is degraded from this motion on, a share of
-// the width, where the table's limit comes later. On a rig with a focal length of 0.42 widths both are the same.
-constexpr double least_motion_by_rig = 1.83e-3;
+// With a longer lens, the same rotation of the rig moves the image further. The limit of the table is for lenses up to this focal
+// length, in widths. Beyond it, the limit is the rotation that moves the image as far.
+constexpr double focal_of_table = 0.42;
 
 // The causes of one frame. A cause that was not measured has the measure NaN, and is not raised.
 class Causes {

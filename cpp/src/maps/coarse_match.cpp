@@ -24,8 +24,7 @@ constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
 void CoarseMatch::measure(PatchSearch& search, const MatchedViews& views) {
   exchanged_gain_ = rows_off_ = nothing;
   const Size cells = views.size();
-  // Allocates all memory before any early return, so that frames after the first allocate nothing.
-  search.take(views);
+  // Before any early return, so that frames after the first allocate nothing.
   likeness_.resize(PatchSearch::most_patches);
   const int longest = search.longest(), crossed = search.crossed();
   const int margin = longest + patch_reach_along + 1;

@@ -12,6 +12,7 @@ namespace endosdk {
 
 class CoarseMatch {
  public:
+  // `search` has taken the views.
   void measure(PatchSearch& search, const MatchedViews& views);
 
   // How much better patches correlate with the right view on their right, where matches of swapped views lie, than on their

@@ -101,6 +101,7 @@ void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
   if (has_right(in)) {
     scratch.views.compare(in.disparity, in.left, in.right, picture_of(in), cells_of(in), in.fields);
     scratch.measures.measure(scratch.views, picture_of(in).width);
+    scratch.search.take(scratch.views);
     scratch.rivals = share_of_rivals(scratch.search, scratch.views);
     if (in.pattern.focal_x > 0.0) {
       scratch.rows.measure(scratch.views, in.confidence, cells_of(in), {1.0 / in.view_scale.y, 1.0 / in.view_scale.x}, in.pattern);

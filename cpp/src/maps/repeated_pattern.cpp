@@ -31,7 +31,6 @@ bool has_rival(Places begin, Places end, Places best) {
 double share_of_rivals(PatchSearch& search, const MatchedViews& views) {
   constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
   const Size cells = views.size();
-  search.take(views);
   const int longest = search.longest(), crossed = search.crossed();
   // At the left border, half of the searched cells lie inside.
   const int first = longest / 2 + patch_reach_along;

@@ -6,7 +6,7 @@
 
 namespace endosdk {
 
-// Share of the patches with texture that correlate nearly as well with a second place of their row, at least five cells from the
+// `search` has taken the views. Share of the patches with texture that correlate nearly as well with a second place of their row, at least five cells from the
 // best one. NaN where too few patches can be judged. Of clean pairs, rendered and real, it is at most 0.3.
 double share_of_rivals(PatchSearch& search, const MatchedViews& views);
 
