@@ -6,6 +6,8 @@
 #include <map>
 
 #include "metadata_lookup.hpp"
+#include "platform/errors.hpp"
+#include "platform/system.hpp"
 
 namespace py = pybind11;
 
@@ -21,6 +23,35 @@ py::array_t<Value> array_over(Value* data, std::vector<py::ssize_t> shape) {
 py::array_t<uint8_t> picture(const PlanarView& view) { return array_over(view.data, {3, view.height, view.width}); }
 
 py::array_t<float> map(const MutableFloatView& view) { return array_over(view.data, {view.height, view.width}); }
+
+// Keeps Python's state of a thread until the thread ends. Without it, each call from a thread of the frame path would make a
+// new one, and so would the end of each exception; Python ends the process if there is no memory for that.
+class PythonThread {
+ public:
+  PythonThread() {
+    if (PyGILState_GetThisThreadState() != nullptr) return;  // a thread of Python
+    require(system::has_memory(state_bytes), ENDO_OUT_OF_MEMORY, "thread", "needs 1 MB of memory for Python", "less");
+    state_ = PyGILState_Ensure();
+    PyEval_SaveThread();
+    made_ = true;
+  }
+
+  ~PythonThread() {
+    if (!made_ || _Py_IsFinalizing()) return;
+    PyGILState_Ensure();
+    PyGILState_Release(PyGILState_LOCKED);
+    PyGILState_Release(state_);
+  }
+
+  PythonThread(const PythonThread&) = delete;
+  PythonThread& operator=(const PythonThread&) = delete;
+
+ private:
+  static constexpr size_t state_bytes = size_t{1} << 20;
+
+  PyGILState_STATE state_ = PyGILState_UNLOCKED;
+  bool made_ = false;
+};
 
 ModelInfo info_of(const py::object& session) {
   const auto metadata = py::cast<std::map<std::string, std::string>>(session.attr("metadata"));
@@ -45,6 +76,7 @@ class PythonSession::BoundRun : public Session::Run {
 
  private:
   static void call(const py::object& method) {
+    thread_local const PythonThread thread;
     const py::gil_scoped_acquire gil;
     method();
   }

@@ -83,7 +83,8 @@ OrtStereoSession::BoundRun::BoundRun(const OrtStereoSession& session, SessionBuf
   OrtRunOptions* options = nullptr;
   check(api.CreateRunOptions(&options), rule);
   options_.reset(options);
-  check(api.RunOptionsSetRunLogSeverityLevel(options, session_.log_.severity()), rule);
+  // The errors of a run tell all. A line of log for which memory is missing would end the process.
+  check(api.RunOptionsSetRunLogSeverityLevel(options, ORT_LOGGING_LEVEL_FATAL), rule);
   OrtIoBinding* binding = nullptr;
   check(api.CreateIoBinding(session_.session_.get(), &binding), rule);
   binding_.reset(binding);

@@ -215,7 +215,9 @@ class StereoSession:
         binding = self._session.io_binding()
         for name, output in (("disparity", disparity), ("confidence", confidence)):
             binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
-        return BoundRun(self, binding, {"left": left, "right": right}, self._runtime.RunOptions())
+        options = self._runtime.RunOptions()
+        options.log_severity_level = 4  # its errors tell all; a line of log for which memory is missing ends the process
+        return BoundRun(self, binding, {"left": left, "right": right}, options)
 
     @property
     def input_shapes(self) -> dict[str, list[int | str | None]]:
