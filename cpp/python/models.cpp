@@ -13,6 +13,7 @@
 #include "model/providers.hpp"
 #include "model/runtime_resources.hpp"
 #include "model/seal.hpp"
+#include "model/waiting.hpp"
 #include "model/weights.hpp"
 
 namespace py = pybind11;
@@ -42,6 +43,14 @@ void bind_files(py::module_& m) {
         "Whether the text of an error of ONNX Runtime says that memory or threads are used up.");
   m.def("require_memory_for_runtime", &require_memory_for_runtime,
         "Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime.");
+  m.def(
+      "waiting_settings",
+      [](bool polls) {
+        std::map<std::string, std::string> settings;
+        for (const auto& [key, value] : waiting_settings(polls)) settings.emplace(key, value);
+        return settings;
+      },
+      py::arg("polls"), "How threads of ONNX Runtime wait for one another: settings of its sessions.");
   m.def("require_memory_for_session", &require_memory_for_session, py::arg("threads"), py::arg("model_bytes"),
         "Raise OutOfMemory unless the system has enough memory left to make a session of a model file.");
   m.def(

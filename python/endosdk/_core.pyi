@@ -97,6 +97,9 @@ def is_out_of_resources(message: str) -> bool:
 def require_memory_for_runtime() -> None:
     """Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime."""
 
+def waiting_settings(polls: bool) -> dict[str, str]:
+    """Return how threads of ONNX Runtime wait for one another: settings of its sessions."""
+
 def require_memory_for_session(threads: int, model_bytes: int) -> None:
     """Raise OutOfMemory unless the system has enough memory left to make a session of a model file."""
 

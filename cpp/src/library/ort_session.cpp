@@ -4,6 +4,7 @@
 #include <array>
 
 #include "functions/custom_ops.hpp"
+#include "model/waiting.hpp"
 #include "platform/lists.hpp"
 
 namespace endosdk {
@@ -182,9 +183,7 @@ void OrtStereoSession::open() {
   check(api.SetSessionLogSeverityLevel(options.get(), sides_ ? ORT_LOGGING_LEVEL_VERBOSE : log_.severity()));
   const int threads = is_reader() ? 1 : settings_.threads;
   check(api.SetIntraOpNumThreads(options.get(), threads));
-  check(api.AddSessionConfigEntry(options.get(), "session.intra_op.allow_spinning", settings_.spinning ? "1" : "0"));
-  // Waiting threads must not use the cores that rectification and post-processing need between two runs.
-  check(api.AddSessionConfigEntry(options.get(), "session.force_spinning_stop", "1"));
+  for (const auto& [key, value] : waiting_settings(settings_.spinning)) check(api.AddSessionConfigEntry(options.get(), key, value));
   if (is_reader()) check(api.SetSessionGraphOptimizationLevel(options.get(), ORT_DISABLE_ALL));
   if (sides_) add_provider(options.get());
   if (facts_.provider == cpu_provider) check(static_cast<OrtStatus*>(add_functions(&api, options.get())));

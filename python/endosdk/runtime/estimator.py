@@ -69,7 +69,7 @@ class DepthEstimator:
             must then have a stamp. 0: none is.
         runtime_sha256: the hash that the file of ONNX Runtime must have, checked before anything of it runs, as
             ``diagnostics()["onnxruntime_sha256"]`` states it; None: any.
-        spinning: let waiting threads of the network poll. A little faster on cores that nothing else uses, much
+        spinning: let waiting threads of the network poll before they sleep. Faster on cores that nothing else uses,
             slower on others.
 
     `predict` answers one pair with the least delay, `stream` a sequence of them at the highest rate. Both may be called

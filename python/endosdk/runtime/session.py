@@ -287,9 +287,8 @@ def _session_options(runtime: Any, threads: int, spinning: bool) -> Any:
     options = runtime.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3
-    options.add_session_config_entry("session.intra_op.allow_spinning", "1" if spinning else "0")
-    # Waiting threads must not burn the cores that rectification and post-processing need between two runs.
-    options.add_session_config_entry("session.force_spinning_stop", "1")
+    for key, value in _core.waiting_settings(spinning).items():
+        options.add_session_config_entry(key, value)
     return options
 
 
