@@ -216,7 +216,8 @@ class StereoSession:
         for name, output in (("disparity", disparity), ("confidence", confidence)):
             binding.bind_output(name, "cpu", 0, np.float32, (1, 1, *output.shape), output.ctypes.data)
         options = self._runtime.RunOptions()
-        options.log_severity_level = 4  # its errors tell all; a line of log for which memory is missing ends the process
+        # The errors of a run tell all. A line of log for which memory is missing would end the process.
+        options.log_severity_level = 4
         return BoundRun(self, binding, {"left": left, "right": right}, options)
 
     @property
