@@ -7,6 +7,7 @@ namespace endosdk {
 
 void bind_facts(pybind11::module_& m);
 void bind_errors(pybind11::module_& m);
+void bind_rectification(pybind11::module_& m);
 void bind_kernels(pybind11::module_& m);
 void bind_frame_path(pybind11::module_& m);
 void bind_measure(pybind11::module_& m);

@@ -6,6 +6,7 @@ PYBIND11_MODULE(_core, m) {
   m.attr("version") = ENDOSDK_VERSION;
   endosdk::bind_errors(m);
   endosdk::bind_facts(m);
+  endosdk::bind_rectification(m);
   endosdk::bind_kernels(m);
   endosdk::bind_frame_path(m);
   endosdk::bind_measure(m);

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
+from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, InvalidCalibration
 from tests.conftest import ROOT
 from tests.rigs import fisheye_rig, raw_rig, rig_fields, rotation

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
+from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
 
 Matrix = npt.NDArray[np.float64]

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from endosdk import _core
+from endosdk.calibration.rectified_geometry import Matrix, RectifiedGeometry, scale_rows, shift_centre
 from endosdk.calibration.rules import (
     CameraModel,
     Ellipse,
@@ -40,7 +40,6 @@ from endosdk.errors import CalibrationUnreadable, InvalidArgument, InvalidCalibr
 if TYPE_CHECKING:
     from endosdk.calibration.files.stated import StatedRig
 
-Matrix = npt.NDArray[np.float64]
 MODELS = get_args(CameraModel)
 
 # Two cameras closer to parallel than this differ by less than 0.002 px at 2000 px from the principal point.
@@ -243,8 +242,8 @@ class StereoCalibration:
             self,
             width=new_width,
             height=new_height,
-            left_matrix=_scale_rows(self.left_matrix, *scale),
-            right_matrix=_scale_rows(self.right_matrix, *scale),
+            left_matrix=scale_rows(self.left_matrix, *scale),
+            right_matrix=scale_rows(self.right_matrix, *scale),
             left_field_of_view=_scaled(self.left_field_of_view, *scale),
             right_field_of_view=_scaled(self.right_field_of_view, *scale),
         )
@@ -256,8 +255,8 @@ class StereoCalibration:
             self,
             width=width,
             height=height,
-            left_matrix=_shift_centre(self.left_matrix, x, y),
-            right_matrix=_shift_centre(self.right_matrix, x, y),
+            left_matrix=shift_centre(self.left_matrix, x, y),
+            right_matrix=shift_centre(self.right_matrix, x, y),
             left_field_of_view=_shifted(self.left_field_of_view, x, y),
             right_field_of_view=_shifted(self.right_field_of_view, x, y),
         )
@@ -304,87 +303,6 @@ class StereoCalibration:
         right = np.hstack([self.right_matrix, np.zeros((3, 1))])
         right[0, 3] = right[0, 0] * self.translation[0]
         return RectifiedGeometry(np.eye(3), np.eye(3), left, right, self.width, self.height)
-
-
-@dataclass(frozen=True, eq=False)
-class RectifiedGeometry:
-    """Rectifying rotations [3,3], projections [3,4] (OpenCV's R1, R2, P1, P2; mm) and the rectified picture's size."""
-
-    R1: Matrix
-    R2: Matrix
-    P1: Matrix
-    P2: Matrix
-    width: int
-    height: int
-
-    def __post_init__(self) -> None:
-        for name, columns in (("R1", 3), ("R2", 3), ("P1", 4), ("P2", 4)):
-            object.__setattr__(self, name, finite_array(name, getattr(self, name), (3, columns)))
-        if not (self.focal_px > 0 and self.baseline_mm > 0):
-            rule = "must leave a positive focal length and baseline after rectification"
-            raise InvalidCalibration("rectification", rule, (self.focal_px, self.baseline_mm))
-
-    @property
-    def focal_px(self) -> float:
-        """Horizontal focal length of the rectified pair in pixels, the one that depth needs."""
-        return float(self.P1[0, 0])
-
-    @property
-    def focal_y_px(self) -> float:
-        """Vertical focal length in pixels; it differs where pixels are not square, as in half-width video."""
-        return float(self.P1[1, 1])
-
-    @property
-    def baseline_mm(self) -> float:
-        """Distance between the rectified cameras in mm."""
-        return float(-self.P2[0, 3] / self.P2[0, 0])
-
-    @property
-    def cx(self) -> float:
-        """Principal point of the left rectified view, column."""
-        return float(self.P1[0, 2])
-
-    @property
-    def cy(self) -> float:
-        """Principal point of both rectified views, row."""
-        return float(self.P1[1, 2])
-
-    @property
-    def doffs(self) -> float:
-        """Right cx minus left cx in pixels: ``depth = focal_px * baseline_mm / (disparity + doffs)``."""
-        return float(self.P2[0, 2] - self.P1[0, 2])
-
-    def scaled(self, width: int, height: int) -> RectifiedGeometry:
-        """Return the geometry of the rectified pair resized to ``width`` x ``height``."""
-        new_width, new_height = check_size("size", (width, height))
-        scale = new_width / self.width, new_height / self.height
-        return RectifiedGeometry(
-            self.R1, self.R2, _scale_rows(self.P1, *scale), _scale_rows(self.P2, *scale), new_width, new_height
-        )
-
-    def cropped(self, x: int, y: int, width: int, height: int) -> RectifiedGeometry:
-        """Return the geometry of the window at (x, y) that is cut out of both rectified views."""
-        x, y, width, height = check_crop((x, y, width, height), (self.width, self.height))
-        return RectifiedGeometry(
-            self.R1, self.R2, _shift_centre(self.P1, x, y), _shift_centre(self.P2, x, y), width, height
-        )
-
-
-def _scale_rows(projection: Matrix, scale_x: float, scale_y: float) -> Matrix:
-    """Scale a 3x3 or 3x4 projection; pixel centres are whole numbers, hence the half pixel: c' = (c + 0.5) k - 0.5."""
-    scaled = projection.copy()
-    scaled[0] *= scale_x
-    scaled[1] *= scale_y
-    scaled[0, 2] += 0.5 * scale_x - 0.5
-    scaled[1, 2] += 0.5 * scale_y - 0.5
-    return scaled
-
-
-def _shift_centre(projection: Matrix, x: int, y: int) -> Matrix:
-    shifted = projection.copy()
-    shifted[0, 2] -= x
-    shifted[1, 2] -= y
-    return shifted
 
 
 def _camera(matrix: Matrix, distortion: Matrix, field: Ellipse | None) -> dict[str, Any]:

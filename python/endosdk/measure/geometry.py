@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from endosdk import _core
 from endosdk.calibration.q_matrix import q_matrix as q_matrix
-from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
+from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.rectify import rig_numbers
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk import _core
-from endosdk.calibration.rig import RectifiedGeometry
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.errors import CalibrationRequired, InvalidArgument
 from endosdk.runtime.maps import ByteMap, FloatMap
 from endosdk.runtime.result import DepthResult

@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from endosdk import _core
-from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
+from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import CalibrationRequired, InvalidArgument, typed_memory_errors
 from endosdk.runtime.arguments import (
     Picture,

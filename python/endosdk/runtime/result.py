@@ -12,7 +12,7 @@ from endosdk._core import Identity as Identity
 from endosdk._core import Reason as Reason
 from endosdk._core import Status as Status
 from endosdk._core import calibration_rule
-from endosdk.calibration.rig import RectifiedGeometry
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.errors import CalibrationRequired
 from endosdk.runtime.maps import ByteMap, FloatMap, Maps
 from endosdk.runtime.models import ModelInfo

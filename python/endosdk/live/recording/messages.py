@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.calibration.files.ros import distortion_of
-from endosdk.calibration.rig import RectifiedGeometry, StereoCalibration
+from endosdk.calibration.rectified_geometry import RectifiedGeometry
+from endosdk.calibration.rig import StereoCalibration
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.recording.recording import Recording
 
