@@ -28,7 +28,7 @@ void check_same_rig(const endosdk::Rig& rig, const endo_identity& identity) {
   const char* const stated = identity.calibration_sha256;
   const std::string computed_with(stated, std::find(stated, stated + sizeof identity.calibration_sha256, '\0'));
   if (computed_with.empty()) return;
-  const std::string given = rig.sha256();
+  const std::string& given = rig.sha256();
   require(given == computed_with, "calibration", endosdk::Text("must be the one that the result was computed with, of sha256 ", computed_with),
           given);
 }
