@@ -36,13 +36,6 @@ void bind_providers(py::module_& m) {
         "The options of a provider, with whole 32-bit floats unless they say otherwise; wrong ones are refused.");
   m.def("check_placement", &check_placement, py::arg("provider"), py::arg("placement"),
         "Refuse a placement in which the provider does not compute the model.");
-}
-
-void bind_files(py::module_& m) {
-  m.def("is_out_of_resources", &is_out_of_resources, py::arg("message"),
-        "Whether the text of an error of ONNX Runtime says that memory or threads are used up.");
-  m.def("require_memory_for_runtime", &require_memory_for_runtime,
-        "Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime.");
   m.def(
       "waiting_settings",
       [](bool polls) {
@@ -51,6 +44,13 @@ void bind_files(py::module_& m) {
         return settings;
       },
       py::arg("polls"), "How threads of ONNX Runtime wait for one another: settings of its sessions.");
+}
+
+void bind_files(py::module_& m) {
+  m.def("is_out_of_resources", &is_out_of_resources, py::arg("message"),
+        "Whether the text of an error of ONNX Runtime says that memory or threads are used up.");
+  m.def("require_memory_for_runtime", &require_memory_for_runtime,
+        "Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime.");
   m.def("require_memory_for_session", &require_memory_for_session, py::arg("threads"), py::arg("model_bytes"),
         "Raise OutOfMemory unless the system has enough memory left to make a session of a model file.");
   m.def(

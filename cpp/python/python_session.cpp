@@ -6,8 +6,7 @@
 #include <map>
 
 #include "metadata_lookup.hpp"
-#include "platform/errors.hpp"
-#include "platform/system.hpp"
+#include "model/runtime_resources.hpp"
 
 namespace py = pybind11;
 
@@ -30,7 +29,7 @@ class PythonThread {
  public:
   PythonThread() {
     if (PyGILState_GetThisThreadState() != nullptr) return;  // a thread of Python
-    require(system::has_memory(state_bytes), ENDO_OUT_OF_MEMORY, "thread", "needs 1 MB of memory for Python", "less");
+    require_memory(state_bytes, "thread");
     state_ = PyGILState_Ensure();
     PyEval_SaveThread();
     made_ = true;

@@ -91,14 +91,14 @@ def check_placement(provider: str, placement: dict[str, dict[str, int]]) -> None
 def wants_float32_model(provider: str) -> bool:
     """Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor."""
 
+def waiting_settings(polls: bool) -> dict[str, str]:
+    """Return how threads of ONNX Runtime wait for one another: settings of its sessions."""
+
 def is_out_of_resources(message: str) -> bool:
     """Return whether the text of an error of ONNX Runtime says that memory or threads are used up."""
 
 def require_memory_for_runtime() -> None:
     """Raise OutOfMemory unless the system has enough memory left to load ONNX Runtime."""
-
-def waiting_settings(polls: bool) -> dict[str, str]:
-    """Return how threads of ONNX Runtime wait for one another: settings of its sessions."""
 
 def require_memory_for_session(threads: int, model_bytes: int) -> None:
     """Raise OutOfMemory unless the system has enough memory left to make a session of a model file."""

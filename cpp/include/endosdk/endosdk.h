@@ -141,7 +141,7 @@ typedef void (*endo_thread_function)(void *context, const char *name);
 typedef struct endo_options {
     uint32_t struct_size;
     int32_t threads;             /* processor threads per stage, 1 to 256; 0: as many as cores, at most 8 */
-    int32_t spinning;            /* 0: waiting network threads sleep (default); 1: they poll first */
+    int32_t spinning;            /* 0: waiting network threads sleep (default); 1: they poll for a short time first */
     int32_t log_level;           /* the least severe endo_log_level that is logged; default ENDO_LOG_WARNING */
     const char *provider;        /* "cpu" (default, also NULL), another short name, such as "cuda", or the full name of an
                                     ONNX Runtime provider; docs/device/providers.md has the table */

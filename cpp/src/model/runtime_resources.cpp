@@ -14,12 +14,12 @@ constexpr size_t session_bytes = 24 * megabyte;
 constexpr size_t thread_bytes = 8 * megabyte;
 constexpr size_t bytes_per_byte_of_model = 8;
 
+}  // namespace
+
 void require_memory(size_t bytes, const char* argument) {
   if (system::has_memory(bytes)) return;
   fail(ENDO_OUT_OF_MEMORY, argument, Text("needs ", bytes / megabyte, " MB of memory"), "less");
 }
-
-}  // namespace
 
 void require_memory_for_runtime() { require_memory(library_bytes, "runtime"); }
 

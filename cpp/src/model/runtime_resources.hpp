@@ -15,8 +15,9 @@ inline bool is_out_of_resources(std::string_view message) {
   return false;
 }
 
-// Both throw ENDO_OUT_OF_MEMORY unless this process can now get enough memory, to load the runtime's library or to create a
-// session of a model file. The memory is only tested, not kept, so another thread can still take it.
+// All throw ENDO_OUT_OF_MEMORY unless this process can now get enough memory: so many bytes, or enough to load the runtime's
+// library or to create a session of a model file. The memory is only tested, not kept, so another thread can still take it.
+void require_memory(size_t bytes, const char* argument);
 void require_memory_for_runtime();
 void require_memory_for_session(int threads, size_t model_bytes);
 
