@@ -66,11 +66,13 @@ void extremes(Output& out) {
     const std::vector<float> map = floats(static_cast<size_t>(4 * cells), 0.0f, 120.0f);
     std::vector<float> scratch(static_cast<size_t>(ExtremesRow::scratch_values(cells)));
     std::vector<float> most(static_cast<size_t>(cells)), least = most;
-    ExtremesRow row = {{}, 4, cells, scratch.data(), most.data(), least.data()};
-    for (int y = 0; y < row.count; ++y) row.rows[y] = map.data() + y * cells;
-    compute([&] { kernels().extremes_row(row); });
-    out.add(most);
-    out.add(least);
+    for (const int reach : {1, 2, longest_reach}) {
+      ExtremesRow row = {{}, 4, cells, reach, scratch.data(), most.data(), least.data()};
+      for (int y = 0; y < row.count; ++y) row.rows[y] = map.data() + y * cells;
+      compute([&] { kernels().extremes_row(row); });
+      out.add(most);
+      out.add(least);
+    }
   }
 }
 
@@ -122,12 +124,52 @@ void choose(Output& out) {
   }
 }
 
+void thin(Output& out) {
+  constexpr int inputs = 9;
+  for (const int outputs : {4, 8}) {
+    for (const int cells : {1, 32, 50, 120}) {
+      const auto stride = static_cast<size_t>(cells + thin_width);
+      const std::vector<float> values = floats(inputs * stride, -2.0f, 2.0f);
+      const std::vector<float> weights = floats(static_cast<size_t>(inputs * outputs), -1.0f, 1.0f);
+      const std::vector<float> bias = floats(static_cast<size_t>(outputs), -1.0f, 1.0f);
+      const float* taps[inputs];
+      for (size_t i = 0; i < inputs; ++i) taps[i] = values.data() + i * stride;
+      std::vector<float> found(static_cast<size_t>(outputs * cells));
+      compute([&] {
+        kernels().thin_row({taps, inputs, outputs, weights.data(), bias.data(), -0.5f, cells, found.data(), cells});
+      });
+      out.add(found);
+    }
+  }
+}
+
+void confidence(Output& out) {
+  for (const int cells : {1, 9, 70}) {
+    const std::vector<float> scale = floats(static_cast<size_t>(cells), -4.6f, 4.6f);
+    const std::vector<float> beside = floats(static_cast<size_t>(cells), -4.6f, 4.6f);
+    std::vector<float> mixed(static_cast<size_t>(cells + 2));
+    std::vector<float> found(static_cast<size_t>(2 * cells));
+    compute([&] { kernels().confidence_row({scale.data(), beside.data(), cells, mixed.data() + 1, found.data()}); });
+    out.add(found);
+  }
+}
+
+void logarithms(Output& out) {
+  for (const int count : {1, 17, 120}) {
+    const std::vector<float> values = floats(static_cast<size_t>(count), 0.0f, 200.0f);
+    std::vector<float> found(static_cast<size_t>(count));
+    compute([&] { kernels().log_row(values.data(), 0.0625f, 0.02f, count, found.data()); });
+    out.add(found);
+  }
+}
+
 }  // namespace
 
 const Works& network_works() {
   static const Works works = {
       {"smaller", smaller},   {"compare", compare},         {"solve", solve},
       {"extremes", extremes}, {"soft_argmin", soft_argmin}, {"choose", choose},
+      {"thin", thin},         {"confidence", confidence},   {"logarithms", logarithms},
   };
   return works;
 }

@@ -13,6 +13,7 @@ from endosdk.errors import EndoError
 from tests.core_rigs import every_isa
 from tests.reference import model_functions as twin
 
+ANY_SIZE = {("ConfidenceOfScale", 0), ("ThinConvolution", 0)}  # functions and inputs that are maps of any size
 SIZES = [(1, 1, 1), (1, 2, 3), (1, 5, 8), (2, 9, 13), (1, 12, 33)]  # batch, and cells down and along
 
 
@@ -59,8 +60,56 @@ def choose_surface(count: int, height: int, width: int) -> tuple[list[np.ndarray
     generator = np.random.default_rng(height * width)
     shapes = [(count, channels, height, width) for channels in (4, 12, 1, 6)]
     scales = (0.5, 5.0, 20.0, 10.0)
-    inputs = [generator.normal(0, s, shape).astype(np.float32) for s, shape in zip(scales, shapes, strict=True)]
-    return inputs, {}, twin.choose_surface(*(values.astype(np.float64) for values in inputs))
+    inputs = [drawn(generator, scale, *shape) for scale, shape in zip(scales, shapes, strict=True)]
+    return inputs, {}, twin.choose_surface(*in_doubles(inputs))
+
+
+def drawn(generator: np.random.Generator, scale: float, *shape: int) -> np.ndarray:
+    return generator.normal(0, scale, shape).astype(np.float32)
+
+
+def in_doubles(inputs: list[np.ndarray]) -> list[np.ndarray]:
+    return [values.astype(np.float64) for values in inputs]
+
+
+def match_evidence(count: int, height: int, width: int) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    generator = np.random.default_rng(height * width)
+    inputs = [drawn(generator, 20, count, 1, height, width), np.abs(drawn(generator, 3, count, 1, height, width))]
+    return inputs, {"cell": 4.0}, twin.match_evidence(*in_doubles(inputs), 4.0)
+
+
+def clues_of_answer(count: int, height: int, width: int) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    generator = np.random.default_rng(height * width)
+    scales = (1.0, 20.0, 0.5, 5.0)
+    shapes = [(24, height, width), (1, height, width), (4, height, width), (1, 2 * height, 2 * width)]
+    inputs = [drawn(generator, scale, count, *shape) for scale, shape in zip(scales, shapes, strict=True)]
+    return inputs, {"unit": 16.0}, twin.clues_of_answer(*in_doubles(inputs), 16.0)
+
+
+def scale_of_errors(
+    count: int, height: int, width: int, evidence: int = 6
+) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    generator = np.random.default_rng(height * width)
+    maps = [drawn(generator, 1.0, count, channels, height, width) for channels in (evidence, 27)]
+    weights = [drawn(generator, 0.2, 8, evidence + 27, 1, 1), drawn(generator, 0.2, 8)]
+    for _ in range(3):
+        weights += [drawn(generator, 0.2, 8, 8, 3, 3), drawn(generator, 0.2, 8)]
+    inputs = [*maps, *weights, drawn(generator, 0.3, 1 + evidence + 8)]
+    return inputs, {}, twin.scale_of_errors(*in_doubles(inputs))
+
+
+def thin_convolution(
+    count: int, height: int, width: int, channels: int = 32
+) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    generator = np.random.default_rng(height * width)
+    shapes = [(count, channels, height, width), (4, channels, 3, 3), (4,)]
+    inputs = [drawn(generator, scale, *shape) for scale, shape in zip((1.0, 0.3, 0.3), shapes, strict=True)]
+    return inputs, {}, twin.thin_convolution(*in_doubles(inputs))
+
+
+def confidence_of_scale(count: int, height: int, width: int) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    inputs = [drawn(np.random.default_rng(height * width), 2.0, count, 1, height, width)]
+    return inputs, {}, twin.confidence_of_scale(*in_doubles(inputs))
 
 
 CASES = {
@@ -70,6 +119,11 @@ CASES = {
     "AnswerOfPlanes": answer_of_planes,
     "PlanesAroundBytes": planes_around,
     "ChooseSurface": choose_surface,
+    "MatchEvidence": match_evidence,
+    "CluesOfAnswer": clues_of_answer,
+    "ScaleOfErrors": scale_of_errors,
+    "ThinConvolution": thin_convolution,
+    "ConfidenceOfScale": confidence_of_scale,
 }
 
 
@@ -94,10 +148,21 @@ def test_planes_of_any_kind(dense: int, sparse: int, reach: int) -> None:
         np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=5e-4)
 
 
+@every_isa
+@pytest.mark.parametrize("name", ["ScaleOfErrors", "ThinConvolution"])
+def test_thin_layers_of_long_rows(isa: str, name: str, restored_settings: None) -> None:
+    inputs, settings, expected = CASES[name](1, 20, 120)
+    _core.set_isa(isa)
+    for found, wanted in zip(_core.model_function(name, inputs, settings), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=2e-4)
+
+
 def test_what_is_no_number_does_no_harm() -> None:
-    for name in ("CompareViews", "AnswerOfPlanes", "ChooseSurface"):
+    for name in CASES:
         inputs, settings, _ = CASES[name](1, 9, 13)
-        for i in range(len(inputs)):
+        for i, values in enumerate(inputs):
+            if values.dtype == np.uint8:
+                continue
             spoilt = [values.copy() for values in inputs]
             spoilt[i].flat[::7] = np.nan
             spoilt[i].flat[3::7] = np.inf
@@ -108,9 +173,11 @@ def test_what_is_no_number_does_no_harm() -> None:
 def test_wrong_shapes_are_refused(name: str) -> None:
     inputs, settings, _ = CASES[name](1, 5, 8)
     for i, values in enumerate(inputs):
-        wrong = [*inputs[:i], np.ascontiguousarray(values[..., 1:]), *inputs[i + 1 :]]  # an odd number of channels
-        with pytest.raises(EndoError, match="must have the shape"):
-            _core.model_function(name, wrong, settings)
+        others = [values[..., 1:], values[0]]  # an odd number of channels, an axis less
+        for other in others if (name, i) not in ANY_SIZE else others[1:]:
+            wrong = [*inputs[:i], np.ascontiguousarray(other), *inputs[i + 1 :]]
+            with pytest.raises(EndoError, match="must have the shape"):
+                _core.model_function(name, wrong, settings)
         with pytest.raises(EndoError):
             _core.model_function(name, [*inputs[:i], values.astype(np.int16), *inputs[i + 1 :]], settings)
     with pytest.raises(EndoError):
@@ -124,6 +191,13 @@ def test_wrong_settings_are_refused() -> None:
     for wrong in ({"dense": 5}, {"dense": -2}, {"sparse": -2}, {"dense": 1000}):
         with pytest.raises(EndoError, match="even number"):
             _core.model_function("AnswerOfPlanes", inputs, settings | wrong)
-    inputs, _, _ = compare_views(1, 5, 8)
-    with pytest.raises(EndoError, match="above 0"):
-        _core.model_function("CompareViews", inputs, {})
+    for name in ("CompareViews", "MatchEvidence", "CluesOfAnswer"):
+        inputs, _, _ = CASES[name](1, 5, 8)
+        with pytest.raises(EndoError, match="above 0"):
+            _core.model_function(name, inputs, {})
+    inputs, _, _ = scale_of_errors(1, 5, 8, evidence=300)
+    with pytest.raises(EndoError, match="at most 256 planes"):
+        _core.model_function("ScaleOfErrors", inputs, {})
+    inputs, _, _ = thin_convolution(1, 5, 8, channels=300)
+    with pytest.raises(EndoError, match="at most 128 channels"):
+        _core.model_function("ThinConvolution", inputs, {})

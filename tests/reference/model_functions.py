@@ -86,10 +86,8 @@ def _compared(left: Floats, right: Floats, disparity: Floats, unit: float) -> tu
     cells = compared.reshape(5, height, 2, width, 2).mean(axis=(2, 4))
     fine = step(compared, 1).reshape(3, height, 2, width, 2).transpose(0, 2, 4, 1, 3).reshape(12, height, width)
     small, large = step(cells, 1), step(cells, 3)
-    windows = np.pad(disparity, 2, mode="edge")
-    windows = np.stack([windows[y : y + height, x : x + width] for y in range(5) for x in range(5)])
     hints = [*fine, small[0], small[1], large[0], disparity / unit]
-    surfaces = [windows.max(axis=0), windows.min(axis=0)]
+    surfaces = [surface[0, 0] for surface in extremes(disparity[None, None], 2)]
     for other in surfaces:
         hints += [(other - disparity) / 16, *step(moments(left, right, other, 4), 1)]
     return np.stack(hints), np.stack([*fine[:4], *surfaces]), small[1:]
@@ -144,3 +142,63 @@ def choose_surface(correction: Floats, others: Floats, disparity: Floats, steps:
     change = at_cells(correction) + gate(0) * at_cells(steps[:, :4])
     change = change + gate(4) * (near - rough) + gate(8) * (far - rough)
     return np.maximum(rough + change, 0), change, rough
+
+
+def match_evidence(disparity: Floats, excess: Floats, cell: float) -> tuple[Floats]:
+    """Logarithms [N, 2, h, w] of excess variance and of the jump of the disparity around; inputs [N, 1, h, w]."""
+    high, low = extremes(disparity, 1)
+    return (np.log(np.concatenate([excess + 1e-3, (high - low) * cell + 0.1], axis=1)),)
+
+
+def extremes(values: Floats, reach: int) -> tuple[Floats, Floats]:
+    """Largest and smallest value of maps [N, 1, h, w] within squares that reach so many cells to each side."""
+    padded = np.pad(values, ((0, 0), (0, 0), (reach, reach), (reach, reach)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1,) * 2, axis=(2, 3))
+    return windows.max(axis=(4, 5)), windows.min(axis=(4, 5))
+
+
+def clues_of_answer(
+    hints: Floats, disparity: Floats, correction: Floats, change: Floats, unit: float
+) -> tuple[Floats, Floats]:
+    """Doubts [N, 2, h, w] and clues [N, 27, h, w]; inputs as `CluesOfAnswer` of the networks has them."""
+    count, _, height, width = disparity.shape
+    moved = np.abs(change).reshape(count, 1, height, 2, width, 2).max(axis=(3, 5))
+    doubts = np.log(np.concatenate([np.abs(correction).max(axis=1, keepdims=True), moved], axis=1) + 0.05)
+    near, wide = extremes(disparity, 2), extremes(disparity, 6)
+    jumps = [np.log((high - low) / unit + 0.02) for high, low in (near, wide)]
+    around = [disparity / unit, (near[0] - disparity) / unit, *jumps]
+    return doubts, np.concatenate([hints[:, :15], *around, hints[:, 16:]], axis=1)
+
+
+def scale_of_errors(evidence: Floats, clues: Floats, *weights: Floats) -> tuple[Floats]:
+    """Logarithm [N, 1, h, w] of the scale of the errors; inputs as `ScaleOfErrors` of the networks has them."""
+    first, bias, *layers, total = weights
+    columns = np.concatenate([evidence, clues], axis=1)
+    seen = np.maximum(np.einsum("oi,nihw->nohw", first[:, :, 0, 0], columns) + bias[:, None, None], 0)
+    for i, distance in enumerate((1, 2, 4)):
+        seen = np.maximum(convolved(seen, layers[2 * i], distance) + layers[2 * i + 1][:, None, None], 0)
+    known = np.concatenate([evidence, seen], axis=1)
+    return (np.clip(np.einsum("c,nchw->nhw", total[1:], known)[:, None] + total[0], -4.6, 4.6),)
+
+
+def convolved(values: Floats, weights: Floats, distance: int) -> Floats:
+    """Sums [N, O, h, w] over 3 x 3 cells of maps [N, I, h, w] that are so far apart; weights [O, I, 3, 3]."""
+    height, width = values.shape[2:]
+    padded = np.pad(values, ((0, 0), (0, 0), (distance, distance), (distance, distance)))
+    shifted = [
+        padded[:, :, y * distance : y * distance + height, x * distance : x * distance + width]
+        for y in range(3)
+        for x in range(3)
+    ]
+    return np.einsum("oit,tnihw->nohw", weights.reshape(*weights.shape[:2], 9), np.stack(shifted))
+
+
+def thin_convolution(values: Floats, weights: Floats, bias: Floats) -> tuple[Floats]:
+    """Convolution [N, 4, h, w] of values [N, C, h, w]; weights [4, C, 3, 3]."""
+    return (convolved(values, weights, 1) + bias[:, None, None],)
+
+
+def confidence_of_scale(log_scale: Floats) -> tuple[Floats]:
+    """Confidence [N, 1, 2h, 2w] of the logarithm of the scale of the errors [N, 1, h, w]."""
+    fine = stretched(log_scale, 2 * log_scale.shape[2], 2 * log_scale.shape[3])
+    return (1 - np.exp(-np.exp(-fine)),)

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstring>
 
+#include "functions/extremes.hpp"
 #include "functions/function.hpp"
 #include "kernels/kernels.hpp"
 #include "platform/errors.hpp"
@@ -23,6 +24,7 @@ constexpr int small_reach = 1;
 constexpr int large_reach = 3;
 constexpr int hint_planes = 24;
 constexpr int step_planes = fine_cells + 2;
+constexpr int surface_reach = 2;  // cells within which the nearest and the farthest surface are looked for
 constexpr int block = 4;  // rows of cells at a time
 constexpr int64_t most_cells = 1 << 26;
 
@@ -87,16 +89,7 @@ class Comparison {
 };
 
 void Comparison::find_surfaces(int y, float* scratch) const {
-  ExtremesRow row;
-  row.count = 0;
-  for (int j = std::max(y - extreme_reach, 0); j <= std::min(y + extreme_reach, rows_ - 1); ++j) {
-    row.rows[row.count++] = disparity_ + j * cells_;
-  }
-  row.cells = cells_;
-  row.scratch = scratch;
-  row.most = surfaces_[0].row(y);
-  row.least = surfaces_[1].row(y);
-  kernels().extremes_row(row);
+  find_extremes(disparity_, rows_, cells_, y, surface_reach, scratch, surfaces_[0].row(y), surfaces_[1].row(y));
 }
 
 void Comparison::compare_at(const float* disparity, int y, int columns, const Means& means, float* scratch) const {

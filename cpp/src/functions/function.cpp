@@ -23,6 +23,16 @@ constexpr FunctionKind kinds[] = {
     {"AnswerOfPlanes", {floats, floats}, 2, {floats, floats}, 2, make_answer_of_planes},
     {"CompareViews", {floats, floats}, 2, {floats, floats, floats}, 3, make_compare_views},
     {"ChooseSurface", {floats, floats, floats, floats}, 4, {floats, floats, floats}, 3, make_choose_surface},
+    {"ThinConvolution", {floats, floats, floats}, 3, {floats}, 1, make_thin_convolution},
+    {"MatchEvidence", {floats, floats}, 2, {floats}, 1, make_match_evidence},
+    {"CluesOfAnswer", {floats, floats, floats, floats}, 4, {floats, floats}, 2, make_clues_of_answer},
+    {"ScaleOfErrors",
+     {floats, floats, floats, floats, floats, floats, floats, floats, floats, floats, floats},
+     11,
+     {floats},
+     1,
+     make_scale_of_errors},
+    {"ConfidenceOfScale", {floats}, 1, {floats}, 1, make_confidence_of_scale},
 };
 
 }  // namespace

@@ -99,7 +99,7 @@ class Function {
 // A number that a call in a model file gives; -1 where it gives none of that name.
 using FunctionSettings = std::function<double(const char* name)>;
 
-constexpr size_t most_inputs = 4;
+constexpr size_t most_inputs = 11;
 
 struct FunctionKind {
   const char* name;
@@ -122,5 +122,10 @@ std::unique_ptr<Function> make_planes_around(const FunctionSettings& settings);
 std::unique_ptr<Function> make_compare_views(const FunctionSettings& settings);
 std::unique_ptr<Function> make_answer_of_planes(const FunctionSettings& settings);
 std::unique_ptr<Function> make_choose_surface(const FunctionSettings& settings);
+std::unique_ptr<Function> make_match_evidence(const FunctionSettings& settings);
+std::unique_ptr<Function> make_clues_of_answer(const FunctionSettings& settings);
+std::unique_ptr<Function> make_scale_of_errors(const FunctionSettings& settings);
+std::unique_ptr<Function> make_thin_convolution(const FunctionSettings& settings);
+std::unique_ptr<Function> make_confidence_of_scale(const FunctionSettings& settings);
 
 }  // namespace endosdk

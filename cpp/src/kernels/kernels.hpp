@@ -296,6 +296,10 @@ struct FitSums {
   KERNEL(void, extremes_row, (const ExtremesRow& row))                                                                 \
   KERNEL(void, soft_argmin_cells, (const SoftArgminCells& cells))                                                      \
   KERNEL(void, choose_row, (const ChooseRow& row))                                                                     \
+  KERNEL(void, thin_row, (const ThinRow& row))                                                                         \
+  KERNEL(void, confidence_row, (const ConfidenceRow& row))                                                             \
+  /* The logarithm of share * value + added, which must be a positive normal number. */                                \
+  KERNEL(void, log_row, (const float* values, float share, float added, int count, float* out))                        \
   KERNEL(void, add_rig_sigma, (const RigSigmaRow& row))                                                                \
   /* Returns the number of pixels without a reason. */                                                                 \
   KERNEL(int, depth_row, (const DepthRow& row, const DepthLimits& limits))

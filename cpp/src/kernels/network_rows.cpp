@@ -112,6 +112,21 @@ void solve_cells(const SolveRow& row, const float* means, float* __restrict step
   }
 }
 
+// The largest of the largest, and the smallest of the smallest values around each cell of a row.
+template <int reach>
+void extremes_along(const float* most, const float* least, int cells, float* __restrict largest, float* __restrict smallest) {
+  for (int x = 0; x < cells; ++x) {
+    float high = most[x - reach];
+    float low = least[x - reach];
+    for (int i = 1 - reach; i <= reach; ++i) {
+      high = at_least(most[x + i], high);
+      low = at_most(least[x + i], low);
+    }
+    largest[x] = high;
+    smallest[x] = low;
+  }
+}
+
 // Groups of three pixels: [colour][place in the group][group].
 using Smaller = float[3][3][smaller_width];
 
@@ -138,6 +153,34 @@ struct Chosen {
   float before[choose_width];
   float added[choose_width];
 };
+
+// Computes `width` cells of a thin layer. They are few enough for their sums to stay in registers.
+template <int outputs, int width>
+void thin_cells(const ThinRow& row, int first) {
+  float sum[outputs][width];
+  for (int o = 0; o < outputs; ++o) {
+    for (int x = 0; x < width; ++x) sum[o][x] = row.bias[o];
+  }
+  for (int i = 0; i < row.count; ++i) {
+    const float* const input = row.inputs[i] + first;
+    const float* const weights = row.weights + outputs * i;
+    for (int o = 0; o < outputs; ++o) {
+      for (int x = 0; x < width; ++x) sum[o][x] += weights[o] * input[x];
+    }
+  }
+  const int count = row.cells - first < width ? row.cells - first : width;
+  for (int o = 0; o < outputs; ++o) {
+    float* const out = row.out + o * row.out_stride + first;
+    for (int x = 0; x < count; ++x) out[x] = at_least(sum[o][x], row.least);
+  }
+}
+
+// Brings two rows of cells to a row of the grid of twice the size, with one more value at both ends.
+void mix_rows(const float* nearer, const float* other, int cells, float* mixed) {
+  for (int x = 0; x < cells; ++x) mixed[x] = 0.75f * nearer[x] + 0.25f * other[x];
+  mixed[-1] = mixed[0];
+  mixed[cells] = mixed[cells - 1];
+}
 
 void choose_pixels(const ChooseRow& row, int first, int count, int part, Chosen& chosen) {
   const float* const own = row.mixed + first;
@@ -237,30 +280,22 @@ void solve_row(const SolveRow& row) {
 }
 
 void extremes_row(const ExtremesRow& row) {
-  float* const most = row.scratch + extreme_reach;
-  float* const least = most + row.cells + 2 * extreme_reach;
+  float* const most = row.scratch + row.reach;
+  float* const least = most + row.cells + 2 * row.reach;
   for (int x = 0; x < row.cells; ++x) most[x] = least[x] = row.rows[0][x];
   for (int y = 1; y < row.count; ++y) {
     const float* const values = row.rows[y];
     for (int x = 0; x < row.cells; ++x) most[x] = at_least(values[x], most[x]);
     for (int x = 0; x < row.cells; ++x) least[x] = at_most(values[x], least[x]);
   }
-  for (int i = 1; i <= extreme_reach; ++i) {
+  for (int i = 1; i <= row.reach; ++i) {
     most[-i] = most[0];
     least[-i] = least[0];
     most[row.cells + i - 1] = most[row.cells - 1];
     least[row.cells + i - 1] = least[row.cells - 1];
   }
-  for (int x = 0; x < row.cells; ++x) {
-    float largest = most[x - extreme_reach];
-    float smallest = least[x - extreme_reach];
-    for (int i = 1 - extreme_reach; i <= extreme_reach; ++i) {
-      largest = at_least(most[x + i], largest);
-      smallest = at_most(least[x + i], smallest);
-    }
-    row.most[x] = largest;
-    row.least[x] = smallest;
-  }
+  const auto along = row.reach == 1 ? extremes_along<1> : row.reach == 2 ? extremes_along<2> : extremes_along<longest_reach>;
+  along(most, least, row.cells, row.most, row.least);
 }
 
 void soft_argmin_cells(const SoftArgminCells& cells) {
@@ -313,9 +348,7 @@ void soft_argmin_cells(const SoftArgminCells& cells) {
 }
 
 void choose_row(const ChooseRow& row) {
-  for (int x = 0; x < row.cells; ++x) row.mixed[x] = 0.75f * row.disparity[x] + 0.25f * row.beside[x];
-  row.mixed[-1] = row.mixed[0];
-  row.mixed[row.cells] = row.mixed[row.cells - 1];
+  mix_rows(row.disparity, row.beside, row.cells, row.mixed);
   Chosen left;
   Chosen right;
   for (int first = 0; first < row.cells; first += choose_width) {
@@ -338,6 +371,37 @@ void choose_row(const ChooseRow& row) {
       answer[2 * x + 1] = at_least(right.before[x] + right.added[x], 0.0f);
     }
   }
+}
+
+void thin_row(const ThinRow& row) {
+  const auto compute = row.outputs == 4 ? thin_cells<4, 2 * thin_width> : thin_cells<8, thin_width>;
+  const int width = row.outputs == 4 ? 2 * thin_width : thin_width;
+  int first = 0;
+  for (; first + width <= row.cells; first += width) compute(row, first);
+  const auto rest = row.outputs == 4 ? thin_cells<4, thin_width> : thin_cells<8, thin_width>;
+  for (; first < row.cells; first += thin_width) rest(row, first);
+}
+
+void confidence_row(const ConfidenceRow& row) {
+  mix_rows(row.scale, row.beside, row.cells, row.mixed);
+  const auto confidence = [](float log_scale) { return 1.0f - exp_of(-exp_of(-log_scale)); };
+  float left[choose_width];
+  float right[choose_width];
+  for (int first = 0; first < row.cells; first += choose_width) {
+    const int count = row.cells - first < choose_width ? row.cells - first : choose_width;
+    const float* const mixed = row.mixed + first;
+    for (int x = 0; x < count; ++x) left[x] = confidence(0.75f * mixed[x] + 0.25f * mixed[x - 1]);
+    for (int x = 0; x < count; ++x) right[x] = confidence(0.75f * mixed[x] + 0.25f * mixed[x + 1]);
+    float* const out = row.out + 2 * first;
+    for (int x = 0; x < count; ++x) {
+      out[2 * x] = left[x];
+      out[2 * x + 1] = right[x];
+    }
+  }
+}
+
+void log_row(const float* values, float share, float added, int count, float* __restrict out) {
+  for (int x = 0; x < count; ++x) out[x] = log_of(share * values[x] + added);
 }
 
 }  // namespace endosdk::ENDOSDK_ISA

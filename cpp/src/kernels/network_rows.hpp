@@ -67,19 +67,20 @@ struct SolveRow {
   static int scratch_values(int cells, int reach) { return view_moments * (2 * cells + 2 * reach); }
 };
 
-// Cells on each side of the centre of a square.
-constexpr int extreme_reach = 2;
+// Cells on each side of the centre of the largest square.
+constexpr int longest_reach = 6;
 
 // Finds the largest and the smallest value in the square around each cell of a row.
 struct ExtremesRow {
-  const float* rows[2 * extreme_reach + 1];  // rows of the square that lie inside the map
+  const float* rows[2 * longest_reach + 1];  // rows of the square that lie inside the map
   int count;
   int cells;
+  int reach;  // cells of the square on each side of its centre: 1, 2 or 6
   float* scratch;
   float* most;
   float* least;
 
-  static int scratch_values(int cells) { return 2 * (cells + 2 * extreme_reach); }
+  static int scratch_values(int cells) { return 2 * (cells + 2 * longest_reach); }
 };
 
 // Number of cells that are computed together.
@@ -116,6 +117,32 @@ struct ChooseRow {
   float* answer;  // 2 * cells values each
   float* change;
   float* rough;
+};
+
+// Number of cells that are computed together.
+constexpr int thin_width = 32;
+
+// One row of a layer with few outputs: weighted sums of inputs, plus a bias, and not below a limit. A cell next to a cell is one
+// more input.
+struct ThinRow {
+  const float* const* inputs;  // each can be read up to the next multiple of thin_width
+  int count;
+  int outputs;           // 4 or 8
+  const float* weights;  // as many as outputs, for each input
+  const float* bias;
+  float least;
+  int cells;
+  float* out;
+  ptrdiff_t out_stride;  // from output to output
+};
+
+// One row of the confidence, on a grid of twice the size, from the logarithm of the scale of the errors.
+struct ConfidenceRow {
+  const float* scale;   // of the cells
+  const float* beside;  // of the cells above or below, whichever are nearer to the row
+  int cells;
+  float* mixed;  // as in ChooseRow
+  float* out;    // 2 * cells values
 };
 
 }  // namespace endosdk

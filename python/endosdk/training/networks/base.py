@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from endosdk.errors import InvalidArgument
-from endosdk.training.networks.blocks import fold_batch_norm, fold_residuals
+from endosdk.training.networks.blocks import enlarged, fold_batch_norm, fold_residuals
 from endosdk.training.networks.confidence import ConfidenceHead
 
 
@@ -143,19 +143,15 @@ class StereoNetwork(nn.Module, ABC):
 
     def on_answer_grid(self, values: Tensor) -> Tensor:
         """Bring values of the coarse grid to the grid of the answer."""
-        factor = self.coarse_stride // self.output_stride
-        if factor == 1:
-            return values
-        return F.interpolate(values, scale_factor=float(factor), mode="bilinear", align_corners=False)
+        return enlarged(values, self.coarse_stride // self.output_stride)
 
     def trust(self, prediction: Prediction) -> Tensor:
         """Return the probability [N, 1, H/s, W/s] that the last map is wrong by at most one pixel."""
-        trust: Tensor = self.confidence(self.on_answer_grid(self.log_scale(prediction)))
-        return trust
+        return self.confidence.enlarged(self.log_scale(prediction), self.coarse_stride // self.output_stride)
 
     def log_scale(self, prediction: Prediction) -> Tensor:
         """Return the logarithm of the scale [N, 1, h, w] of the errors of the last map, px, on the coarse grid."""
-        return self.confidence.scale_of(self.confidence.columns(prediction.evidence, prediction.clues))
+        return self.confidence.log_scale(prediction.evidence, prediction.clues)
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that computes the same with layers that suit the deployed runtime.

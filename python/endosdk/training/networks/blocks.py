@@ -25,6 +25,13 @@ class Numbers:
 EXACT = Numbers()
 
 
+def enlarged(values: Tensor, factor: int) -> Tensor:
+    """Bring maps [N, C, h, w] to a grid that is ``factor`` times as fine."""
+    if factor == 1:
+        return values
+    return F.interpolate(values, scale_factor=float(factor), mode="bilinear", align_corners=False)
+
+
 class ConvNorm(nn.Module):
     """Convolution, batch norm, leaky rectifier; ``residual`` adds the input before the rectifier.
 

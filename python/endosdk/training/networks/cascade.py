@@ -24,6 +24,7 @@ from endosdk.training.networks.blocks import (
     fold_colour_scaling,
     scaled_colours,
 )
+from endosdk.training.networks.clues import CLUES, DOUBTS, WIDE_UNIT, CluesOfAnswer, log_largest
 from endosdk.training.networks.comparison import (
     CELL,
     DISPARITY_HINT,
@@ -34,19 +35,16 @@ from endosdk.training.networks.comparison import (
     CompareViews,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.fast import (
-    CLUES,
-    EVIDENCE,
-    ROUGH_SLOPE,
-    START,
-    WIDE_UNIT,
-    Fast,
-    Refinement,
-    Shape,
-    clues_of,
-    log_largest,
+from endosdk.training.networks.fast import EVIDENCE, ROUGH_SLOPE, START, Fast, Refinement, Shape
+from endosdk.training.networks.fast_export import (
+    CorrectionApart,
+    DeployedConfidence,
+    ReadViews,
+    ViewRows,
+    for_layers,
+    over_rows,
+    rows_of,
 )
-from endosdk.training.networks.fast_export import CorrectionApart, ReadViews, ViewRows, for_layers, over_rows, rows_of
 from endosdk.training.networks.functions import as_function
 from endosdk.training.networks.photometric import brightness
 
@@ -91,10 +89,11 @@ class Cascade(StereoNetwork):
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
         self.compare = CompareViews()
         self.choose = ChooseSurface()
+        self.look = CluesOfAnswer()
         self.earlier = Refinement(shape, HINTS, START)  # whose answer the refinement looks at anew
         self.refinement = Refinement(shape, HINTS, START)
         self.refine_margin = shape.refine_margin(self.input_multiple)
-        self.confidence = ConfidenceHead(channels=EVIDENCE + 1 + 2 + 3, clues=CLUES)
+        self.confidence = ConfidenceHead(channels=EVIDENCE + 1 + 3 + DOUBTS, clues=CLUES)
 
     @property
     def max_candidate_disparity(self) -> int:
@@ -137,10 +136,8 @@ class Cascade(StereoNetwork):
         assert coarse.hints is not None and coarse.step is not None
         correction, others = self.refinement(coarse.context, coarse.hints)
         answer, _, rough = self.choose(correction, others, coarse.disparity, coarse.step)
-        # On the coarse grid, like all other evidence.
-        doubts = [log_largest(correction), log_largest(F.max_pool2d((answer - rough).abs(), FINE))]
-        evidence = torch.cat([coarse.evidence, *doubts], dim=1)
-        return Prediction([rough, answer], evidence, clues=clues_of(coarse.hints, coarse.disparity))
+        doubts, clues = self.look(coarse.hints, coarse.disparity, correction, answer - rough)
+        return Prediction([rough, answer], torch.cat([coarse.evidence, doubts], dim=1), clues=clues)
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layers on."""
@@ -159,10 +156,11 @@ class Cascade(StereoNetwork):
         with torch.no_grad():
             for refinement in (form.earlier, form.refinement):
                 refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
-        form.compare = as_function(form.compare)  # type: ignore[assignment]
         form.earlier = CorrectionApart(form.earlier, FINE**2)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
-        form.choose = as_function(form.choose)  # type: ignore[assignment]
+        form.confidence = DeployedConfidence(form.confidence)  # type: ignore[assignment]
+        for name in ("compare", "choose", "look"):
+            setattr(form, name, as_function(getattr(form, name)))
         return form
 
 

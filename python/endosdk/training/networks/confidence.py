@@ -6,8 +6,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from endosdk.training.networks.blocks import enlarged
+
 HIDDEN = 8  # channels; few, because they are computed in floats
 DISTANCES = 1, 2, 4  # cells, between the taps of the layers that look around
+LARGEST_LOG = 4.6  # b is kept within 0.01 and 100 px
 
 
 class ConfidenceHead(nn.Module):
@@ -40,11 +43,20 @@ class ConfidenceHead(nn.Module):
     def scale_of(self, columns: Tensor) -> Tensor:
         """Return log b [N, 1, H, W] of `columns`; b in pixels, kept within 0.01 and 100."""
         weighted = columns * self.weights[1:].view(1, -1, 1, 1)
-        return (weighted.sum(dim=1, keepdim=True) + self.weights[0]).clamp(-4.6, 4.6)
+        return (weighted.sum(dim=1, keepdim=True) + self.weights[0]).clamp(-LARGEST_LOG, LARGEST_LOG)
+
+    def log_scale(self, evidence: Tensor, clues: Tensor | None) -> Tensor:
+        """Return log b [N, 1, H, W] of the evidence and the clues."""
+        return self.scale_of(self.columns(evidence, clues))
+
+    def enlarged(self, log_scale: Tensor, factor: int) -> Tensor:
+        """Return the confidence on a grid that is ``factor`` times as fine as that of log b [N, 1, H, W]."""
+        trust: Tensor = self(enlarged(log_scale, factor))
+        return trust
 
     def forward(self, log_scale: Tensor) -> Tensor:
         """Return P(|error| <= 1 px) of log b; same shape."""
-        return 1.0 - torch.exp(-torch.exp(-log_scale))
+        return confidence_of(log_scale)
 
 
 class Surveyor(nn.Module):
@@ -69,6 +81,11 @@ class Surveyor(nn.Module):
             out = F.relu(layer(out))
         result: Tensor = self.last(out)
         return result
+
+
+def confidence_of(log_scale: Tensor) -> Tensor:
+    """Return P(|error| <= 1 px) of log b; same shape."""
+    return 1.0 - torch.exp(-torch.exp(-log_scale))
 
 
 def log_scale_of(trust: Tensor) -> Tensor:

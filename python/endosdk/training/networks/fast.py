@@ -26,6 +26,7 @@ from endosdk.training.networks.blocks import (
     fold_colour_scaling,
     scaled_colours,
 )
+from endosdk.training.networks.clues import CLUES, DOUBTS, WIDE_UNIT, CluesOfAnswer, MatchEvidence
 from endosdk.training.networks.comparison import (
     CELL,
     DISPARITY_HINT,
@@ -34,12 +35,12 @@ from endosdk.training.networks.comparison import (
     STRIDE,
     ChooseSurface,
     CompareViews,
-    largest_around,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.cost_volume import Planes, SoftArgmin, match_evidence, soft_argmin
+from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin
 from endosdk.training.networks.fast_export import (
     CorrectionApart,
+    DeployedConfidence,
     PairedLayers,
     PairedVolume,
     ReadViews,
@@ -54,10 +55,7 @@ HALVED = 2  # cells of the matching grid, which are CELL px and as far apart as 
 # The refinement begins with these outputs: its correction, its belief in the step, and its gates to the nearest and the
 # farthest surface around. So it adds no correction, believes the pictures, and hardly opens the gates.
 START = 0.0, 1.0, -3.0, -3.0
-WIDE_UNIT = 4.0  # planes; in this unit disparities are about as large as the other hints
-NEARBY = 5, 13  # cells, along each axis, within which the confidence looks for jumps of the disparity
-EVIDENCE = 6  # channels of evidence
-CLUES = HINTS - 1 + 2 + len(NEARBY)  # channels that the confidence reads besides its evidence
+EVIDENCE = 4 + DOUBTS  # channels of evidence
 ROUGH_SLOPE = 0.0  # plain rectifiers: runtimes fold them into 8-bit convolutions for nothing
 
 
@@ -115,9 +113,11 @@ class Fast(StereoNetwork):
         self.features = nn.Sequential(*(ResidualPair(shape.stem, ROUGH_SLOPE) for _ in range(shape.blocks)))
         self.volume = DifferenceVolume(shape.stem, shape.volume, self.planes)
         self.aggregation = PlaneLayers(shape, self.planes, mode_reach)
+        self.judge = MatchEvidence(CELL)
         self.compare = CompareViews()
         self.refinement = Refinement(shape, HINTS, START)
         self.choose = ChooseSurface()
+        self.look = CluesOfAnswer()
         self.refine_margin = shape.refine_margin(self.input_multiple)
         self.confidence = ConfidenceHead(channels=EVIDENCE, clues=CLUES)
 
@@ -156,7 +156,7 @@ class Fast(StereoNetwork):
         found, cost = self.aggregation(self.volume(views[:pairs], views[pairs:]), views[:pairs])
         disparity = found.disparity * CELL
         hints, steps, spread = self.compare(bright, disparity)
-        evidence = torch.cat([match_evidence(found, CELL), spread], dim=1)
+        evidence = torch.cat([*self.judge(*found), spread], dim=1)
         return Coarse(disparity, evidence, views[:pairs], hints, steps, cost)
 
     def refine(self, coarse: Coarse) -> Prediction:
@@ -164,9 +164,8 @@ class Fast(StereoNetwork):
         assert coarse.hints is not None and coarse.step is not None
         correction, others = self.refinement(coarse.context, coarse.hints)
         answer, change, rough = self.choose(correction, others, coarse.disparity, coarse.step)
-        clues = clues_of(coarse.hints, coarse.disparity)
-        doubts = [log_largest(correction), log_largest(F.max_pool2d(change.abs(), FINE))]
-        return Prediction([rough, answer], torch.cat([coarse.evidence, *doubts], dim=1), clues=clues)
+        doubts, clues = self.look(coarse.hints, coarse.disparity, correction, change)
+        return Prediction([rough, answer], torch.cat([coarse.evidence, doubts], dim=1), clues=clues)
 
     def export_form(self) -> StereoNetwork:
         """Return a copy in evaluation mode that can run in 8-bit integers from the first layer on.
@@ -187,9 +186,10 @@ class Fast(StereoNetwork):
         form.compare.unit *= WIDE_UNIT
         with torch.no_grad():
             form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
-        form.compare = as_function(form.compare)  # type: ignore[assignment]
         form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
-        form.choose = as_function(form.choose)  # type: ignore[assignment]
+        form.confidence = DeployedConfidence(form.confidence)  # type: ignore[assignment]
+        for name in ("judge", "compare", "choose", "look"):
+            setattr(form, name, as_function(getattr(form, name)))
         return form
 
 
@@ -306,21 +306,3 @@ class Refinement(nn.Module):
         """Map features and hints to what the outputs are read from, [N, refine, h, w]."""
         out: Tensor = self.layers(self.view(view, added=self.hints(hints)))
         return out
-
-
-def log_largest(change: Tensor) -> Tensor:
-    """Return the logarithm [N, 1, h, w] of the largest change [N, C, h, w], px, within each cell."""
-    return torch.log(change.detach().abs().amax(dim=1, keepdim=True) + 0.05)
-
-
-def clues_of(hints: Tensor, disparity: Tensor) -> Tensor:
-    """Return what the confidence reads besides its evidence, of the hints and of a disparity [N, 1, h, w], px."""
-    hints, disparity = hints.detach(), disparity.detach()
-    around = surface_clues(disparity / (CELL * WIDE_UNIT))
-    return torch.cat([hints[:, :DISPARITY_HINT], *around, hints[:, DISPARITY_HINT + 1 :]], dim=1)
-
-
-def surface_clues(disparity: Tensor) -> list[Tensor]:
-    """Give clues [N, 1, h, w] from a disparity map: itself, what stands out in front of it, and jumps around."""
-    around = [(largest_around(disparity, reach), -largest_around(-disparity, reach)) for reach in NEARBY]
-    return [disparity, around[0][0] - disparity, *(torch.log(near - far + 0.02) for near, far in around)]
