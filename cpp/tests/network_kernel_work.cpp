@@ -143,6 +143,16 @@ void thin(Output& out) {
   }
 }
 
+void add(Output& out) {
+  for (const int count : {1, 31, 64, 1000}) {
+    const std::vector<uint8_t> a = bytes(static_cast<size_t>(count));
+    const std::vector<uint8_t> b = bytes(static_cast<size_t>(count));
+    std::vector<uint8_t> found(static_cast<size_t>(count));
+    compute([&] { kernels().add_bytes(a.data(), b.data(), {1.25f, 0.75f, -130.0f, 3.0f}, count, found.data()); });
+    out.add(found);
+  }
+}
+
 void confidence(Output& out) {
   for (const int cells : {1, 9, 70}) {
     const std::vector<float> scale = floats(static_cast<size_t>(cells), -4.6f, 4.6f);
@@ -170,6 +180,7 @@ const Works& network_works() {
       {"smaller", smaller},   {"compare", compare},         {"solve", solve},
       {"extremes", extremes}, {"soft_argmin", soft_argmin}, {"choose", choose},
       {"thin", thin},         {"confidence", confidence},   {"logarithms", logarithms},
+      {"add", add},
   };
   return works;
 }

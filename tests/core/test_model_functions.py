@@ -107,6 +107,19 @@ def thin_convolution(
     return inputs, {}, twin.thin_convolution(*in_doubles(inputs))
 
 
+def volume_of_pairs(
+    count: int, height: int, width: int, dense: int = 6, sparse: int = 4
+) -> tuple[list[np.ndarray], dict[str, float], Any]:
+    generator = np.random.default_rng(height * width)
+    inputs = []
+    for scale, zero in ((0.5, 120), (0.75, 100)):  # sums of these are exact, so that all round alike
+        inputs.append(generator.integers(0, 256, (count, height, width, 32 if width % 2 else 6), np.uint8))
+        inputs += [np.array(scale, np.float32), np.array(zero, np.uint8)]
+    inputs += [np.array(0.5, np.float32), np.array(2, np.uint8)]
+    settings = {"dense": dense, "sparse": sparse}
+    return inputs, settings, twin.volume_of_pairs(*in_doubles(inputs), **settings)
+
+
 def confidence_of_scale(count: int, height: int, width: int) -> tuple[list[np.ndarray], dict[str, float], Any]:
     inputs = [drawn(np.random.default_rng(height * width), 2.0, count, 1, height, width)]
     return inputs, {}, twin.confidence_of_scale(*in_doubles(inputs))
@@ -122,6 +135,7 @@ CASES = {
     "MatchEvidence": match_evidence,
     "CluesOfAnswer": clues_of_answer,
     "ScaleOfErrors": scale_of_errors,
+    "VolumeOfPairsBytes": volume_of_pairs,
     "ThinConvolution": thin_convolution,
     "ConfidenceOfScale": confidence_of_scale,
 }
@@ -146,6 +160,13 @@ def test_planes_of_any_kind(dense: int, sparse: int, reach: int) -> None:
     inputs, settings, expected = answer_of_planes(1, 4, 7, dense, sparse, reach)
     for found, wanted in zip(_core.model_function("AnswerOfPlanes", inputs, settings), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=5e-4)
+
+
+@pytest.mark.parametrize(("dense", "sparse"), [(2, 0), (22, 0), (16, 6), (2, 120)])
+def test_volumes_of_any_kind(dense: int, sparse: int) -> None:
+    inputs, settings, (wanted,) = volume_of_pairs(1, 4, 7, dense, sparse)
+    (found,) = _core.model_function("VolumeOfPairsBytes", inputs, settings)
+    np.testing.assert_array_equal(found, wanted)
 
 
 @every_isa
@@ -173,7 +194,10 @@ def test_what_is_no_number_does_no_harm() -> None:
 def test_wrong_shapes_are_refused(name: str) -> None:
     inputs, settings, _ = CASES[name](1, 5, 8)
     for i, values in enumerate(inputs):
-        others = [values[..., 1:], values[0]]  # an odd number of channels, an axis less
+        if values.ndim == 0:
+            others = [values[None]]
+        else:
+            others = [values[..., 1:], values[0]]  # an odd number of channels, an axis less
         for other in others if (name, i) not in ANY_SIZE else others[1:]:
             wrong = [*inputs[:i], np.ascontiguousarray(other), *inputs[i + 1 :]]
             with pytest.raises(EndoError, match="must have the shape"):
@@ -188,6 +212,10 @@ def test_wrong_shapes_are_refused(name: str) -> None:
 
 def test_wrong_settings_are_refused() -> None:
     inputs, settings, _ = answer_of_planes(1, 5, 8)
+    volume, of_volume, _ = volume_of_pairs(1, 5, 8)
+    for wrong in ({"dense": 5}, {"dense": 0}, {"sparse": -2}, {"sparse": 3}, {"dense": 1000}):
+        with pytest.raises(EndoError, match="even number"):
+            _core.model_function("VolumeOfPairsBytes", volume, of_volume | wrong)
     for wrong in ({"dense": 5}, {"dense": -2}, {"sparse": -2}, {"dense": 1000}):
         with pytest.raises(EndoError, match="even number"):
             _core.model_function("AnswerOfPlanes", inputs, settings | wrong)

@@ -193,6 +193,33 @@ def convolved(values: Floats, weights: Floats, distance: int) -> Floats:
     return np.einsum("oit,tnihw->nohw", weights.reshape(*weights.shape[:2], 9), np.stack(shifted))
 
 
+def volume_of_pairs(
+    own: NDArray[np.uint8],
+    own_scale: Floats,
+    own_zero: Floats,
+    other: NDArray[np.uint8],
+    other_scale: Floats,
+    other_zero: Floats,
+    scale: Floats,
+    zero: Floats,
+    dense: int,
+    sparse: int,
+) -> tuple[Floats]:
+    """Volume [N, P, h, w, 2 C], in 8 bits, of features [N, h, w, 2 C] of both views."""
+    left, right = own_scale * (own - own_zero), other_scale * (other - other_zero)
+    width, channels = own.shape[2], own.shape[3] // 2
+    shifts = [(p, p, 0, 1) for p in range(dense // 2)]
+    shifts += [(s, s + 1, 0, 0) for s in range(dense // 2, dense // 2 + sparse, 2)]
+    volume = []
+    for first, second, *places in shifts:
+        parts = [
+            right[:, :, np.maximum(np.arange(width) - shift, 0), place * channels : (place + 1) * channels]
+            for shift, place in zip((first, second), places, strict=True)
+        ]
+        volume.append(np.maximum(left + np.concatenate(parts, axis=3), 0))
+    return (np.clip(np.rint(np.stack(volume, axis=1) / scale) + zero, 0, 255),)
+
+
 def thin_convolution(values: Floats, weights: Floats, bias: Floats) -> tuple[Floats]:
     """Convolution [N, 4, h, w] of values [N, C, h, w]; weights [4, C, 3, 3]."""
     return (convolved(values, weights, 1) + bias[:, None, None],)

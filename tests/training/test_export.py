@@ -117,7 +117,7 @@ def test_the_graph_is_the_one_that_runs_fast(model):
     kinds = [node.op_type for node in onnx.load(path).graph.node]
     assert "BatchNormalization" not in kinds
     planes = network.max_disparity // 8  # of wang2020, whose five layers of aggregation run for each apart
-    assert kinds.count("Conv") == {"wang2020": 18 + 5 * planes, "fast": 34}[network.name]
+    assert kinds.count("Conv") == {"wang2020": 18 + 5 * planes, "fast": 28}[network.name]
     graph = onnx.load(path).graph
     ranks = {len(weight.dims) for weight in graph.initializer if weight.name.endswith("weight")}
     assert 5 not in ranks  # no 3-D convolution is left

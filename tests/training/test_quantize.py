@@ -111,14 +111,23 @@ def test_planes_move_as_bytes(files):
     makers = {name: node for node in model.graph.node for name in node.output}
     moves = [node for node in model.graph.node if node.op_type == "PlanesAroundBytes"]
     assert len(moves) == 2
+    sources = []
     for move in moves:
         source = makers[move.input[0]]
         while source.op_type in ("Transpose", "Reshape"):
             source = makers[source.input[0]]
-        assert source.op_type == "QuantizeLinear"
-    assert {"PlanesAround", "PlanesAroundBytes"} & {function.name for function in model.functions} == {
-        "PlanesAroundBytes"
-    }
+        sources.append(source)
+    # The first moves planes of the volume, the second those of a layer over it.
+    volume, layer = sources
+    assert volume.op_type == "VolumeOfPairsBytes"
+    assert layer.op_type == "QuantizeLinear"
+    for place in (0, 3):
+        features = makers[volume.input[place]]
+        assert features.op_type == "Transpose"
+        assert makers[features.input[0]].op_type == "QuantizeLinear"
+    names = {function.name for function in model.functions}
+    assert names.issuperset({"VolumeOfPairsBytes", "PlanesAroundBytes"})
+    assert names.isdisjoint({"VolumeOfPairs", "PlanesAround"})
 
 
 def test_the_answers_stay_close(files):

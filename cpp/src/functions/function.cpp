@@ -23,6 +23,7 @@ constexpr FunctionKind kinds[] = {
     {"AnswerOfPlanes", {floats, floats}, 2, {floats, floats}, 2, make_answer_of_planes},
     {"CompareViews", {floats, floats}, 2, {floats, floats, floats}, 3, make_compare_views},
     {"ChooseSurface", {floats, floats, floats, floats}, 4, {floats, floats, floats}, 3, make_choose_surface},
+    {"VolumeOfPairsBytes", {bytes, floats, bytes, bytes, floats, bytes, floats, bytes}, 8, {bytes}, 1, make_volume_of_pairs},
     {"ThinConvolution", {floats, floats, floats}, 3, {floats}, 1, make_thin_convolution},
     {"MatchEvidence", {floats, floats}, 2, {floats}, 1, make_match_evidence},
     {"CluesOfAnswer", {floats, floats, floats, floats}, 4, {floats, floats}, 2, make_clues_of_answer},

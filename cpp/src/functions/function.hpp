@@ -125,6 +125,7 @@ std::unique_ptr<Function> make_choose_surface(const FunctionSettings& settings);
 std::unique_ptr<Function> make_match_evidence(const FunctionSettings& settings);
 std::unique_ptr<Function> make_clues_of_answer(const FunctionSettings& settings);
 std::unique_ptr<Function> make_scale_of_errors(const FunctionSettings& settings);
+std::unique_ptr<Function> make_volume_of_pairs(const FunctionSettings& settings);
 std::unique_ptr<Function> make_thin_convolution(const FunctionSettings& settings);
 std::unique_ptr<Function> make_confidence_of_scale(const FunctionSettings& settings);
 

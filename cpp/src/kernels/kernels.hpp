@@ -297,6 +297,7 @@ struct FitSums {
   KERNEL(void, soft_argmin_cells, (const SoftArgminCells& cells))                                                      \
   KERNEL(void, choose_row, (const ChooseRow& row))                                                                     \
   KERNEL(void, thin_row, (const ThinRow& row))                                                                         \
+  KERNEL(void, add_bytes, (const uint8_t* a, const uint8_t* b, const SumOfBytes& steps, int count, uint8_t* out))      \
   KERNEL(void, confidence_row, (const ConfidenceRow& row))                                                             \
   /* The logarithm of share * value + added, which must be a positive normal number. */                                \
   KERNEL(void, log_row, (const float* values, float share, float added, int count, float* out))                        \

@@ -382,6 +382,16 @@ void thin_row(const ThinRow& row) {
   for (; first < row.cells; first += thin_width) rest(row, first);
 }
 
+void add_bytes(const uint8_t* a, const uint8_t* b, const SumOfBytes& steps, int count, uint8_t* __restrict out) {
+  const SumOfBytes own = steps;
+  constexpr float to_whole = 12582912.0f;  // 1.5 * 2^23: adding it rounds to whole numbers, half to even
+  for (int i = 0; i < count; ++i) {
+    const float sum = own.first * static_cast<float>(a[i]) + own.second * static_cast<float>(b[i]) + own.constant;
+    const float within = at_most(at_least(sum, own.least), 255.0f);
+    out[i] = static_cast<uint8_t>(static_cast<int32_t>((within + to_whole) - to_whole));
+  }
+}
+
 void confidence_row(const ConfidenceRow& row) {
   mix_rows(row.scale, row.beside, row.cells, row.mixed);
   const auto confidence = [](float log_scale) { return 1.0f - exp_of(-exp_of(-log_scale)); };

@@ -136,6 +136,15 @@ struct ThinRow {
   ptrdiff_t out_stride;  // from output to output
 };
 
+// The sum of two rows of 8-bit integers, as 8-bit integers: first * a + second * b + constant, rounded half to even, between
+// `least` and 255.
+struct SumOfBytes {
+  float first;
+  float second;
+  float constant;
+  float least;
+};
+
 // One row of the confidence, on a grid of twice the size, from the logarithm of the scale of the errors.
 struct ConfidenceRow {
   const float* scale;   // of the cells

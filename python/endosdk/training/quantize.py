@@ -24,13 +24,13 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.io.progress import progress
+from endosdk.training.byte_functions import compute_with_bytes, users_of
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.integer_steps import LEAST_CHANNELS, convolution_steps, unsaturated_steps
 from endosdk.training.model_file import write_model
-from endosdk.training.ranges import MOVES, OVER_BYTES, Step, ranges_of, same_steps
+from endosdk.training.ranges import MOVES, VOLUME, Step, ranges_of
 
 PREFIX = "endosdk."
-BYTES = "Bytes"  # ends the name of a function that moves bytes
 
 Names = dict[str, onnx.NodeProto]
 
@@ -103,7 +103,7 @@ def _quantize(
         )
         quantised = onnx.load(draft)
     read_bytes_directly(quantised.graph)
-    move_bytes_directly(quantised)
+    compute_with_bytes(quantised)
     quantised.producer_name, quantised.producer_version = model.producer_name, model.producer_version
     training = json.loads(properties[PREFIX + "training"])
     training["quantisation"] = {"weights": "int8 per channel", "activations": "uint8", "pairs": pairs}
@@ -133,7 +133,7 @@ def read_bytes_directly(graph: onnx.GraphProto) -> None:
 
     Removes Cast and QuantizeLinear before a DequantizeLinear of scale 1, in place.
     """
-    users = _users(graph)
+    users = users_of(graph)
     removed: list[str] = []
     for cast in [node for node in graph.node if node.op_type == "Cast"]:
         following = users.get(cast.output[0], [])
@@ -154,65 +154,6 @@ def _bytes_of_pictures(graph: onnx.GraphProto, nodes: Sequence[str]) -> dict[str
     return {name: (np.array(1.0, np.float32), np.array(0, np.uint8)) for name in casts & read}
 
 
-def move_bytes_directly(model: onnx.ModelProto) -> None:
-    """Let what only moves values move bytes, in place, where they have the same steps before and after."""
-    graph = model.graph
-    values = {value.name: value for value in graph.initializer}
-    for quantise in [node for node in graph.node if node.op_type == "QuantizeLinear"]:
-        makers, users = {name: node for node in graph.node for name in node.output}, _users(graph)
-        moves: list[onnx.NodeProto] = []
-        node = makers.get(quantise.input[0])
-        while node is not None and node.op_type in ("Transpose", "Reshape", OVER_BYTES, OVER_BYTES + BYTES):
-            moves.append(node)
-            node = makers.get(node.input[0])
-        # Reshapes alone are left to runtimes, which see through them.
-        if node is None or node.op_type != "DequantizeLinear" or not any(move.op_type != "Reshape" for move in moves):
-            continue
-        if not same_steps(node, quantise, values) or any(len(users[move.output[0]]) > 1 for move in moves):
-            continue
-        _rewire(graph, node, moves, quantise, users)
-    _name_functions_of_bytes(model)
-
-
-def _rewire(
-    graph: onnx.GraphProto,
-    dequantise: onnx.NodeProto,
-    moves: list[onnx.NodeProto],
-    quantise: onnx.NodeProto,
-    users: dict[str, list[onnx.NodeProto]],
-) -> None:
-    """Let moves, last one first, take the bytes before one node and give those after the other."""
-    moves[-1].input[0] = dequantise.input[0]
-    for move in moves:
-        if move.op_type == OVER_BYTES:
-            move.op_type += BYTES
-    moved = {move.output[0] for move in moves}
-    for value in graph.value_info:
-        if value.name in moved:
-            value.type.tensor_type.elem_type = onnx.TensorProto.UINT8
-    for user in users[quantise.output[0]]:
-        user.input[:] = [moves[0].output[0] if name == quantise.output[0] else name for name in user.input]
-    removed = [quantise, *([dequantise] if len(users[dequantise.output[0]]) == 1 else [])]
-    kept = [each for each in graph.node if each not in removed]
-    del graph.node[:]
-    graph.node.extend(kept)
-
-
-def _name_functions_of_bytes(model: onnx.ModelProto) -> None:
-    """Add the function of bytes, whose body is the same, and remove that of floats where nothing calls it."""
-    called = {node.op_type for node in model.graph.node}
-    functions = []
-    for function in model.functions:
-        for name in (function.name, function.name + BYTES):
-            if name in called:
-                named = onnx.FunctionProto()
-                named.CopyFrom(function)
-                named.name = name
-                functions.append(named)
-    del model.functions[:]
-    model.functions.extend(functions)
-
-
 def _quantised_nodes(graph: onnx.GraphProto) -> list[str]:
     """Name the nodes to quantise: convolutions of many channels, and what moves, adds or weighs their results.
 
@@ -228,7 +169,7 @@ def _quantised_nodes(graph: onnx.GraphProto) -> list[str]:
             large = weights[node.input[1]][0] >= LEAST_CHANNELS
             if large and all(source is None or source in chosen for source in _sources(node.input[0], makers)):
                 chosen.add(node.name)
-        elif node.op_type in (*MOVES, "Add", "MatMul"):
+        elif node.op_type in (*MOVES, VOLUME, "Add", "MatMul"):
             if any(source in chosen for name in node.input for source in _sources(name, makers)):
                 (products if node.op_type == "MatMul" else chosen).add(node.name)
     return [node.name for node in graph.node if node.name in chosen | products]
@@ -263,14 +204,6 @@ def _sources(name: str, makers: Names) -> set[str | None]:
         return {node.name}
     inputs = node.input if node.op_type == "Concat" else node.input[:1]
     return set().union(*(_sources(each, makers) for each in inputs))
-
-
-def _users(graph: onnx.GraphProto) -> dict[str, list[onnx.NodeProto]]:
-    users: dict[str, list[onnx.NodeProto]] = {}
-    for node in graph.node:
-        for name in node.input:
-            users.setdefault(name, []).append(node)
-    return users
 
 
 class _Blank(CalibrationDataReader):  # type: ignore[misc]

@@ -13,6 +13,7 @@ from onnx import numpy_helper
 from endosdk.errors import InvalidArgument
 
 OVER_BYTES = "PlanesAround"  # a function that only moves values
+VOLUME = "VolumeOfPairs"  # a function that adds values
 
 # Operators whose results lie in the range of their first input, and have its steps.
 MOVES = (

@@ -90,7 +90,7 @@ class PairedVolume(nn.Module):
 
     def __init__(self, match: nn.Conv2d, planes: Planes) -> None:
         super().__init__()
-        self.planes = planes
+        self.differences = as_function(VolumeOfPairs(planes))
         outputs, inputs = match.weight.shape[:2]
         assert match.bias is not None
         self.left = nn.Conv2d(inputs, PAIR * outputs, 3, stride=2, padding=1)
@@ -105,8 +105,25 @@ class PairedVolume(nn.Module):
 
     def forward(self, left: Tensor, right: Tensor) -> Tensor:
         """Give the volume [N, planes/2, h/2, w/2, 2 channels]: in the layout of 8-bit convolutions."""
-        own = channels_last(self.left(left)).unsqueeze(1)
+        own = channels_last(self.left(left))
         other = channels_last(self.right(F.pad(right, (2, 1, 1, 1))))
+        return self.differences(own, other)[0]  # type: ignore[no-any-return]
+
+
+class VolumeOfPairs(nn.Module):
+    """Differences of the features of both views for every shift, two planes together."""
+
+    def __init__(self, planes: Planes) -> None:
+        super().__init__()
+        self.planes = planes
+
+    @property
+    def attributes(self) -> dict[str, int]:
+        """What the function of a model file says of itself."""
+        return {"dense": self.planes.dense, "sparse": self.planes.sparse}
+
+    def forward(self, own: Tensor, other: Tensor) -> tuple[Tensor]:
+        """Map features [N, h, w, 2 C] of both views, those of the right one negative, to [N, planes/2, h, w, 2 C]."""
         dense = self.planes.dense // PAIR
         room = self.planes.shifts[-1] // PAIR
         # The border stands in for what lies beyond it: copies stay 8-bit when the network is quantised.
@@ -116,7 +133,7 @@ class PairedVolume(nn.Module):
             even = padded[..., : padded.shape[3] // PAIR]  # every second shift is an even one
             single = [even[:, :, room - shift : -shift] for shift in range(dense, room + 1)]
             shifted += [torch.cat(single[i : i + PAIR], dim=3) for i in range(0, len(single), PAIR)]
-        return torch.relu(own + torch.stack(shifted, dim=1))
+        return (torch.relu(own.unsqueeze(1) + torch.stack(shifted, dim=1)),)
 
 
 class PairedLayers(nn.Module):
