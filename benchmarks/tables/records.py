@@ -14,7 +14,8 @@ MANIFEST = SOURCES / "models" / "models.toml"
 STALE = r"\*"  # behind the label of a row or column whose model file no longer ships
 STALE_NOTE = f"{STALE} Measured with a file that no longer ships; the record has its version and hash."
 EARLIER = "†"  # behind one whose model file was replaced by a file of the same weights
-EARLIER_NOTE = f"{EARLIER} Of an earlier, slower file with the same weights: `speed/earlier_files.json`."
+EARLIER_RECORDS = "speed/earlier_files", "speed/earlier_files_2026-11-28"  # newest first
+EARLIER_NOTE = f"{EARLIER} Of an earlier, slower file with the same weights: `speed/earlier_files*.json`."
 NOTES = {STALE: STALE_NOTE, EARLIER: EARLIER_NOTE}
 
 CARDS = ("fast", "fast-320", "accurate", "wang2020")
@@ -63,6 +64,12 @@ def shipped() -> set[str]:
 
 
 def earlier_files() -> set[str]:
-    """Return the hashes of the files that a record compares with a file of the same weights that ships."""
-    compared = read("speed/earlier_files")["models"].values()
-    return {one["earlier_sha256"] for one in compared if one["model_sha256"] in shipped()}
+    """Return the hashes of the files whose answers a record compares with a later file of the same weights.
+
+    The last of them ships. Records are read from the newest to the oldest.
+    """
+    found: set[str] = set()
+    for name in EARLIER_RECORDS:
+        compared = read(name)["models"].values()
+        found |= {one["earlier_sha256"] for one in compared if one["model_sha256"] in shipped() | found}
+    return found

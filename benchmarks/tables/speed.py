@@ -97,6 +97,23 @@ def card_speed_table(model: str) -> str:
     return table(["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99"], rows)
 
 
+def first_version_table() -> str:
+    """Times of a frame of the first version and of a later one, in turns."""
+    run = records.read("speed/first_version")
+    rows = []
+    for found in run["models"]:
+        width, height = found["size"]
+        label = records.marked(f"{found['model']}, {width} x {height}", run["model_sha256"][found["model"]])
+        cells = []
+        for kind in ("calls", "stream"):
+            times = found[kind]
+            cells += [f"{times[name]:.1f} ms" for name in ("before_ms", "after_ms")]
+            cells.append(f"{times['ratio_quartiles'][1]:.2f}")
+        rows.append([label, *cells])
+    heads = [f"`{kind}`, {what}" for kind in ("predict", "stream") for what in ("first", "now", "ratio")]
+    return table(["model, frames", *heads], rows)
+
+
 def soak_table() -> str:
     """What a hundred thousand frames on burdened cores showed."""
     run = records.read("speed/soak")

@@ -39,21 +39,30 @@ def test_a_row_of_a_file_that_no_longer_ships_is_marked(tmp_path, monkeypatch):
 def test_a_row_of_an_earlier_file_of_the_same_weights_has_a_mark_of_its_own(tmp_path, monkeypatch):
     (tmp_path / "models.toml").write_text('[fast]\nfile = "fast.onnx"\nsha256 = "abc"\n')
     monkeypatch.setattr(records, "MANIFEST", tmp_path / "models.toml")
-    compared = {"earlier_sha256": "aaa", "model_sha256": "abc"}
-    monkeypatch.setattr(records, "read", lambda name: {"models": {"fast": compared}})
-    assert records.marked("fast", "aaa") == f"fast {records.EARLIER}"
+    newest, oldest = records.EARLIER_RECORDS
+    compared = {
+        newest: {"earlier_sha256": "aaa", "model_sha256": "abc"},
+        oldest: {"earlier_sha256": "000", "model_sha256": "aaa"},
+    }
+    monkeypatch.setattr(records, "read", lambda name: {"models": {"fast": compared[name]}})
+    for sha256 in ("aaa", "000"):
+        assert records.marked("fast", sha256) == f"fast {records.EARLIER}"
     assert table(["model"], [[records.marked("fast", "aaa")]]).endswith(f"\n\n{records.EARLIER_NOTE}\n")
-    compared["model_sha256"] = "abb"  # what it was compared with does not ship either
-    assert records.marked("fast", "aaa") == f"fast {records.STALE}"
+    compared[newest]["model_sha256"] = "abb"  # what it was compared with does not ship either
+    for sha256 in ("aaa", "000"):
+        assert records.marked("fast", sha256) == f"fast {records.STALE}"
 
 
 def test_files_that_are_called_earlier_ones_give_the_same_answers():
-    models = records.read("speed/earlier_files")["models"]
-    assert models
-    for name, found in models.items():
-        one, other = found["epe_px"].values()
-        assert abs(one - other) < 0.002 and found["validity_differs"] < 0.005, name
-        assert found["model_sha256"] in records.shipped()
+    later = records.shipped()
+    for record in records.EARLIER_RECORDS:
+        models = records.read(record)["models"]
+        assert models
+        for name, found in models.items():
+            one, other = found["epe_px"].values()
+            assert abs(one - other) < 0.002 and found["validity_differs"] < 0.005, name
+            assert found["model_sha256"] in later
+        later = {found["earlier_sha256"] for found in models.values()}
 
 
 def test_functions_that_are_run_are_counted():
@@ -74,7 +83,7 @@ def hashes_in(record):
             found |= {value} if isinstance(value, str) else set(value.values())
         elif key == "model" and "sha256" in value:
             found.add(value["sha256"])
-        elif key == "models":
+        elif key == "models" and isinstance(value, dict):
             found |= {one for one in value.values() if isinstance(one, str)}
         if isinstance(value, dict):
             found |= hashes_in(value)
