@@ -1,4 +1,4 @@
-"""Functions of an 8-bit file that compute with bytes: what the quantiser leaves in floats, it only moves or adds."""
+"""Functions of an 8-bit file that take and give bytes, where the quantiser leaves floats between two layers."""
 
 from __future__ import annotations
 

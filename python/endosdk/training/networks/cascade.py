@@ -35,10 +35,10 @@ from endosdk.training.networks.comparison import (
     CompareViews,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
+from endosdk.training.networks.confidence_export import DeployedConfidence
 from endosdk.training.networks.fast import EVIDENCE, ROUGH_SLOPE, START, Fast, Refinement, Shape
 from endosdk.training.networks.fast_export import (
     CorrectionApart,
-    DeployedConfidence,
     ReadViews,
     ViewRows,
     for_layers,

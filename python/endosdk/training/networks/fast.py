@@ -37,10 +37,10 @@ from endosdk.training.networks.comparison import (
     CompareViews,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
+from endosdk.training.networks.confidence_export import DeployedConfidence
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin
 from endosdk.training.networks.fast_export import (
     CorrectionApart,
-    DeployedConfidence,
     PairedLayers,
     PairedVolume,
     ReadViews,
