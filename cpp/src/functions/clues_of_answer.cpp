@@ -7,7 +7,6 @@
 #include "functions/extremes.hpp"
 #include "functions/function.hpp"
 #include "kernels/kernels.hpp"
-#include "platform/errors.hpp"
 
 namespace endosdk {
 namespace {
@@ -131,9 +130,7 @@ class CluesOfAnswer : public Function {
 }  // namespace
 
 std::unique_ptr<Function> make_clues_of_answer(const FunctionSettings& settings) {
-  const double unit = settings("unit");
-  require(unit > 0.0, ENDO_MODEL_METADATA, "unit", "must be above 0", unit);
-  return std::make_unique<CluesOfAnswer>(static_cast<float>(1.0 / unit));
+  return std::make_unique<CluesOfAnswer>(1.0f / positive_setting(settings, "unit"));
 }
 
 }  // namespace endosdk

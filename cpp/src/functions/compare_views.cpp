@@ -251,9 +251,7 @@ class CompareViews : public Function {
 }  // namespace
 
 std::unique_ptr<Function> make_compare_views(const FunctionSettings& settings) {
-  const double unit = settings("unit");
-  require(unit > 0.0, ENDO_MODEL_METADATA, "unit", "must be above 0", unit);
-  return std::make_unique<CompareViews>(static_cast<float>(unit));
+  return std::make_unique<CompareViews>(positive_setting(settings, "unit"));
 }
 
 }  // namespace endosdk

@@ -66,6 +66,12 @@ Scratch::Lent::~Lent() {
 
 const FunctionKind* function_kind(int i) { return i < static_cast<int>(std::size(kinds)) ? &kinds[i] : nullptr; }
 
+float positive_setting(const FunctionSettings& settings, const char* name) {
+  const double found = settings(name);
+  require(found > 0.0, ENDO_MODEL_METADATA, name, "must be above 0", found);
+  return static_cast<float>(found);
+}
+
 void FunctionCall::parallel(int64_t count, RowBody body) {
   require(count <= most_values, ENDO_INFERENCE_FAILED, "shape", Text("must have at most ", most_values, " rows"), count);
   run(static_cast<int>(count), body);

@@ -99,6 +99,9 @@ class Function {
 // A number that a call in a model file gives; -1 where it gives none of that name.
 using FunctionSettings = std::function<double(const char* name)>;
 
+// A setting that must be above 0. Throws MODEL_METADATA where it is not.
+float positive_setting(const FunctionSettings& settings, const char* name);
+
 constexpr size_t most_inputs = 11;
 
 struct FunctionKind {

@@ -4,7 +4,6 @@
 #include "functions/extremes.hpp"
 #include "functions/function.hpp"
 #include "kernels/kernels.hpp"
-#include "platform/errors.hpp"
 
 namespace endosdk {
 namespace {
@@ -57,9 +56,7 @@ class MatchEvidence : public Function {
 }  // namespace
 
 std::unique_ptr<Function> make_match_evidence(const FunctionSettings& settings) {
-  const double cell = settings("cell");
-  require(cell > 0.0, ENDO_MODEL_METADATA, "cell", "must be above 0", cell);
-  return std::make_unique<MatchEvidence>(static_cast<float>(cell));
+  return std::make_unique<MatchEvidence>(positive_setting(settings, "cell"));
 }
 
 }  // namespace endosdk
