@@ -21,9 +21,9 @@ from benchmarks.tables.errors import (
 from benchmarks.tables.ranges import range_end_table, range_table
 from benchmarks.tables.records import CARDS, RESULTS, SOURCES
 from benchmarks.tables.speed import (
-    AVX2_SPEEDS,
     GPU_SPEEDS,
     VNNI_SPEEDS,
+    ZEN3_SPEEDS,
     arm_instructions_table,
     card_speed_table,
     first_version_table,
@@ -75,7 +75,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "lap": partial(parts_table, "accuracy/accuracy_lap"),
     "lap-cycles": partial(parts_table, "accuracy/accuracy_lap_cycles"),
     "speed": partial(speed_table, VNNI_SPEEDS),
-    "speed-avx2": partial(speed_table, AVX2_SPEEDS),
+    "speed-zen3": partial(speed_table, ZEN3_SPEEDS),
     "speed-gpu": partial(speed_table, GPU_SPEEDS),
     "gpu-variants": gpu_variants_table,
     "range-end": range_end_table,

@@ -6,28 +6,28 @@ from benchmarks.tables import records
 from benchmarks.tables.markdown import table
 
 VNNI_SPEEDS = {
-    "fast": "fast, 960 x 720, 2",
-    "fast_1280x720": "fast, 1280 x 720, 2",
-    "fast_1920x1080": "fast, 1920 x 1080, 2",
-    "fast_3840x2160": "fast, 3840 x 2160, 2",
-    "fast_1thread": "fast, 960 x 720, 1",
-    "fast-320": "fast-320, 960 x 720, 2",
-    "accurate": "accurate, 960 x 720, 2",
-    "fast-fp32": "fast-fp32, 960 x 720, 2",
-    "wang2020": "wang2020, 960 x 720, 2",
+    "speed/fast": "fast, 960 x 720, 2",
+    "speed/fast_1280x720": "fast, 1280 x 720, 2",
+    "speed/fast_1920x1080": "fast, 1920 x 1080, 2",
+    "speed/fast_3840x2160": "fast, 3840 x 2160, 2",
+    "speed/fast_1thread": "fast, 960 x 720, 1",
+    "speed/fast-320": "fast-320, 960 x 720, 2",
+    "speed/accurate": "accurate, 960 x 720, 2",
+    "speed/fast-fp32": "fast-fp32, 960 x 720, 2",
+    "speed/wang2020": "wang2020, 960 x 720, 2",
 }
-AVX2_SPEEDS = {
-    "zen3_fast": "fast, 960 x 720, 2",
-    "zen3_fast_1280x720": "fast, 1280 x 720, 2",
-    "zen3_fast_1920x1080": "fast, 1920 x 1080, 2",
-    "zen3_fast_3840x2160": "fast, 3840 x 2160, 2",
-    "zen3_fast_1thread": "fast, 960 x 720, 1",
-    "zen3_fast-320": "fast-320, 960 x 720, 2",
-    "zen3_accurate": "accurate, 960 x 720, 2",
+ZEN3_SPEEDS = {
+    "history/speed/zen3_fast": "fast, 960 x 720, 2",
+    "history/speed/zen3_fast_1280x720": "fast, 1280 x 720, 2",
+    "history/speed/zen3_fast_1920x1080": "fast, 1920 x 1080, 2",
+    "history/speed/zen3_fast_3840x2160": "fast, 3840 x 2160, 2",
+    "history/speed/zen3_fast_1thread": "fast, 960 x 720, 1",
+    "history/speed/zen3_fast-320": "fast-320, 960 x 720, 2",
+    "history/speed/zen3_accurate": "accurate, 960 x 720, 2",
 }
 GPU_SPEEDS = {
-    "h200_fast-fp32": "fast-fp32, 960 x 720, 2",
-    "h200_accurate-fp32": "accurate-fp32, 960 x 720, 2",
+    "speed/h200_fast-fp32": "fast-fp32, 960 x 720, 2",
+    "speed/h200_accurate-fp32": "accurate-fp32, 960 x 720, 2",
 }
 SHORT_SPEEDS = {
     "fast": "fast, 960 x 720",
@@ -58,7 +58,7 @@ def speed_table(runs: dict[str, str]) -> str:
     """Frame rates of our models, each with StereoSGBM in the same run; record and label of every run."""
     rows = []
     for name, label in runs.items():
-        run = records.read(f"speed/{name}")
+        run = records.read(name)
         delay, sgbm = run["latency_ms"], run["against"]["sgbm"]["fps"]
         rates = [f"{run['fps']:.1f}", f"{run['stream_fps']:.1f}"]
         marked = records.marked(label, run["model"]["sha256"])
@@ -89,7 +89,7 @@ def card_speed_table(model: str) -> str:
     """Frame rates and latency of one model."""
     rows = []
     for name in CARD_SPEEDS[model]:
-        label = VNNI_SPEEDS[name]
+        label = VNNI_SPEEDS[f"speed/{name}"]
         run = records.read(f"speed/{name}")
         frames = records.marked(label.removeprefix(f"{model}, "), run["model"]["sha256"])
         rates = [f"{run[key]:.0f}" if run[key] >= 10 else f"{run[key]:.1f}" for key in ("fps", "stream_fps")]

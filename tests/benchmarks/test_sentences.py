@@ -88,6 +88,10 @@ def rates_with_avx2():
     return tuple(f"{models[name]['AVX2 alone']['fps']:.0f}" for name in ("fast", "fast-320"))
 
 
+def rates_of_a_zen_3():
+    return tuple(f"{read(f'history/speed/zen3_{name}')['fps']:.0f}" for name in ("fast", "fast-320"))
+
+
 def rates_beside_a_busy_process():
     one = read("speed/spinning")["models"]["fast"]["1 busy processes"]
     return tuple(f"{one[way]['fps']:.0f}" for way in ("sleeping", "polling"))
@@ -115,6 +119,7 @@ SENTENCES = [
         gain_of_a_larger_network_size,
     ),
     ("docs/numbers.md", r"this CPU ran `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
+    ("docs/numbers.md", r"file of `fast` at (\S+) FPS, and of `fast-320` at (\S+) FPS", rates_of_a_zen_3),
     ("docs/real-time.md", r"`fast` runs at (\S+) FPS without and at (\S+) FPS with", rates_beside_a_busy_process),
     ("docs/real-time.md", r"a frame of `fast` takes (\S+) ms without and (\S+) ms with", times_of_fast_alone),
     (

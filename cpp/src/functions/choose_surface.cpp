@@ -10,7 +10,6 @@ namespace {
 
 constexpr int side = 2;  // pixels of the answer along a side of a cell
 constexpr int per_cell = side * side;
-constexpr int block = 8;  // rows of cells at a time
 
 // Inputs and outputs of one call, and the places where their rows begin.
 class Surfaces {
@@ -73,16 +72,10 @@ class ChooseSurface : public Function {
   void compute(FunctionCall& call) override {
     const Surfaces surfaces(call);
     if (surfaces.width() == 0) return;
-    const auto blocks = static_cast<int>((surfaces.height() + block - 1) / block);
     const size_t mixed_values = static_cast<size_t>(surfaces.width()) + 2;
-    Scratch::Lent memory(scratch_, mixed_values * static_cast<size_t>(blocks));
     for (int64_t pair = 0; pair < surfaces.count(); ++pair) {
-      call.parallel(blocks, [&](int index) {
-        float* const mixed = memory.data() + static_cast<size_t>(index) * mixed_values + 1;
-        const int64_t first = int64_t{index} * block;
-        for (int64_t y = first; y < std::min(first + block, surfaces.height()); ++y) {
-          for (int down = 0; down < side; ++down) kernels().choose_row(surfaces.row(pair, y, down, mixed));
-        }
+      for_each_row(call, scratch_, surfaces.height(), mixed_values, [&](int y, float* mixed) {
+        for (int down = 0; down < side; ++down) kernels().choose_row(surfaces.row(pair, y, down, mixed + 1));
       });
     }
   }

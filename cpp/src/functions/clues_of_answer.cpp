@@ -22,7 +22,6 @@ constexpr int near_reach = 2;  // cells
 constexpr int wide_reach = 6;
 constexpr float least_change = 0.05f;  // px
 constexpr float least_jump = 0.02f;    // units of the disparity
-constexpr int block = 4;               // rows of cells at a time
 
 // One view pair of a batch.
 struct Pair {
@@ -105,19 +104,13 @@ class CluesOfAnswer : public Function {
     float* clues = call.float_output(1, {count, clue_planes, rows, cells});
     if (cells == 0) return;
     const int64_t plane = int64_t{rows} * cells;
-    const int blocks = (rows + block - 1) / block;
-    const size_t row_values = Pair::scratch_values(cells);
-    Scratch::Lent memory(scratch_, row_values * static_cast<size_t>(blocks));
     for (int64_t i = 0; i < count; ++i) {
       const Pair pair = {call.floats(0) + i * hint_planes * plane, call.floats(1) + i * plane, call.floats(2) + i * per_cell * plane,
                          call.floats(3) + i * per_cell * plane,    doubts + i * doubt_planes * plane,
                          clues + i * clue_planes * plane,          share_, rows, cells};
-      call.parallel(blocks, [&](int index) {
-        float* own = memory.data() + static_cast<size_t>(index) * row_values;
-        for (int y = index * block; y < std::min((index + 1) * block, rows); ++y) {
-          pair.find_doubts(y, own);
-          pair.find_clues(y, own);
-        }
+      for_each_row(call, scratch_, rows, Pair::scratch_values(cells), [&](int y, float* own) {
+        pair.find_doubts(y, own);
+        pair.find_clues(y, own);
       });
     }
   }

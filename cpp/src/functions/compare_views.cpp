@@ -25,7 +25,6 @@ constexpr int large_reach = 3;
 constexpr int hint_planes = 24;
 constexpr int step_planes = fine_cells + 2;
 constexpr int surface_reach = 2;  // cells within which the nearest and the farthest surface are looked for
-constexpr int block = 4;  // rows of cells at a time
 constexpr int64_t most_cells = 1 << 26;
 
 // Planes of means, one row of cells after the other.
@@ -221,18 +220,12 @@ class CompareViews : public Function {
     require(int64_t{rows} * cells <= most_cells, ENDO_INFERENCE_FAILED, "disparity", Text("must have at most ", most_cells, " cells"),
             int64_t{rows} * cells);
     Scratch::Lent memory(scratch_, Comparison::scratch_values(rows, cells));
-    const int blocks = (rows + block - 1) / block;
-    const size_t row_values = Comparison::row_scratch_values(cells);
-    Scratch::Lent row_memory(row_scratch_, row_values * static_cast<size_t>(blocks));
     for (int64_t i = 0; i < count; ++i) {
       const int64_t plane = int64_t{rows} * cells;
       const Comparison comparison(memory.data(), rows, cells, call.floats(0) + i * view, call.floats(0) + (count + i) * view,
                                   call.floats(1) + i * plane, unit_);
       const auto each_row = [&](const auto& body) {
-        call.parallel(blocks, [&](int index) {
-          float* own = row_memory.data() + static_cast<size_t>(index) * row_values;
-          for (int y = index * block; y < std::min((index + 1) * block, rows); ++y) body(y, own);
-        });
+        for_each_row(call, row_scratch_, rows, Comparison::row_scratch_values(cells), body);
       };
       each_row([&](int y, float* own) { comparison.find_surfaces(y, own); });
       each_row([&](int y, float* own) { comparison.compare(y, own); });

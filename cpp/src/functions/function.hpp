@@ -88,6 +88,18 @@ class Scratch {
   std::vector<std::vector<float>> spare_;
 };
 
+// Calls `body(y, memory)` for each row, several rows at a time. `memory` has `values` floats, which no other thread uses.
+template <typename Body>
+void for_each_row(FunctionCall& call, Scratch& scratch, int64_t rows, size_t values, const Body& body) {
+  constexpr int64_t block = 4;
+  const int64_t blocks = (rows + block - 1) / block;
+  Scratch::Lent memory(scratch, values * static_cast<size_t>(blocks));
+  call.parallel(blocks, [&](int index) {
+    float* const own = memory.data() + static_cast<size_t>(index) * values;
+    for (int64_t y = index * block; y < std::min((index + 1) * block, rows); ++y) body(static_cast<int>(y), own);
+  });
+}
+
 class Function {
  public:
   virtual ~Function() = default;

@@ -1,6 +1,4 @@
 // What betrays a bad match: the doubt of the distribution over planes, and a jump of the disparity nearby.
-#include <algorithm>
-
 #include "functions/extremes.hpp"
 #include "functions/function.hpp"
 #include "kernels/kernels.hpp"
@@ -12,7 +10,6 @@ constexpr int evidence_planes = 2;
 constexpr int reach = 1;  // cells
 constexpr float least_excess = 1e-3f;
 constexpr float least_jump = 0.1f;  // px
-constexpr int block = 8;            // rows at a time
 
 class MatchEvidence : public Function {
  public:
@@ -27,23 +24,18 @@ class MatchEvidence : public Function {
     float* evidence = call.float_output(0, {shape[0], evidence_planes, rows, cells});
     if (cells == 0) return;
     const int64_t plane = int64_t{rows} * cells;
-    const int blocks = (rows + block - 1) / block;
-    const size_t row_values = static_cast<size_t>(ExtremesRow::scratch_values(cells) + 2 * cells);
-    Scratch::Lent memory(scratch_, row_values * static_cast<size_t>(blocks));
+    const auto row_values = static_cast<size_t>(ExtremesRow::scratch_values(cells) + 2 * cells);
     for (int64_t i = 0; i < shape[0]; ++i) {
       const float* disparity = call.floats(0) + i * plane;
       const float* excess = call.floats(1) + i * plane;
       float* doubt = evidence + i * evidence_planes * plane;
-      call.parallel(blocks, [&](int index) {
-        float* most = memory.data() + static_cast<size_t>(index) * row_values;
+      for_each_row(call, scratch_, rows, row_values, [&](int y, float* most) {
         float* least = most + cells;
-        for (int y = index * block; y < std::min((index + 1) * block, rows); ++y) {
-          const int64_t first = int64_t{y} * cells;
-          kernels().log_row(excess + first, 1.0f, least_excess, cells, doubt + first);
-          find_extremes(disparity, rows, cells, y, reach, least + cells, most, least);
-          for (int x = 0; x < cells; ++x) most[x] -= least[x];
-          kernels().log_row(most, cell_, least_jump, cells, doubt + plane + first);
-        }
+        const int64_t first = int64_t{y} * cells;
+        kernels().log_row(excess + first, 1.0f, least_excess, cells, doubt + first);
+        find_extremes(disparity, rows, cells, y, reach, least + cells, most, least);
+        for (int x = 0; x < cells; ++x) most[x] -= least[x];
+        kernels().log_row(most, cell_, least_jump, cells, doubt + plane + first);
       });
     }
   }

@@ -17,7 +17,6 @@ constexpr int thin_outputs = 8;
 constexpr int taps = thin_outputs * thin_taps;  // inputs of a layer that looks around
 constexpr float largest_log = 4.6f;
 constexpr int most_planes = 256;  // of evidence and clues
-constexpr int block = 4;  // rows at a time
 // Inputs: evidence, clues, weights and biases of the first layer and of the layers around, weights of the sum.
 constexpr int weight_input = 2;
 constexpr int sum_input = 2 + 2 + 2 * static_cast<int>(distances.size());
@@ -85,11 +84,9 @@ class ScaleOfErrors : public Function {
     const Survey survey(call);
     float* scale = call.float_output(0, {survey.count, 1, survey.rows, survey.cells});
     if (survey.cells == 0) return;
-    const int blocks = (survey.rows + block - 1) / block;
     const size_t map_values = survey.map_values();
     const auto row_values = static_cast<size_t>(survey.row_values());
     Scratch::Lent memory(scratch_, 2 * map_values + row_values + survey.weight_values());
-    Scratch::Lent row_memory(row_scratch_, survey.scratch_values() * static_cast<size_t>(blocks));
     float* maps[2] = {memory.data(), memory.data() + map_values};
     float* nothing = memory.data() + 2 * map_values;
     std::fill_n(nothing, row_values, 0.0f);
@@ -100,12 +97,7 @@ class ScaleOfErrors : public Function {
       layers[i] = next;
       next = survey.turn(Survey::layer_input(i), taps, next);
     }
-    const auto each_row = [&](const auto& body) {
-      call.parallel(blocks, [&](int index) {
-        float* own = row_memory.data() + static_cast<size_t>(index) * survey.scratch_values();
-        for (int y = index * block; y < std::min((index + 1) * block, survey.rows); ++y) body(y, own);
-      });
-    };
+    const auto each_row = [&](const auto& body) { for_each_row(call, row_scratch_, survey.rows, survey.scratch_values(), body); };
     for (int64_t pair = 0; pair < survey.count; ++pair) {
       each_row([&](int y, float* own) { mix(call, survey, pair, y, first, own, maps[0]); });
       for (size_t i = 0; i < layers.size(); ++i) {

@@ -11,7 +11,6 @@ namespace {
 
 constexpr int pair = 2;  // planes that lie together
 constexpr int most_planes = 128;
-constexpr int block = 8;  // rows at a time
 
 // Inputs: three for the features of each view (values, scale, zero point), then scale and zero point of the result.
 constexpr int own_input = 0;
@@ -41,20 +40,15 @@ class VolumeOfPairs : public Function {
     if (width == 0 || channels == 0) return;
     const SumOfBytes steps = steps_of(call);
     const int64_t row = int64_t{width} * pair * channels;
-    const int64_t blocks = (height + block - 1) / block;
-    const size_t stride = static_cast<size_t>(row) / sizeof(float) + 1;
-    Scratch::Lent memory(scratch_, stride * static_cast<size_t>(blocks));
+    const size_t moved_values = static_cast<size_t>(row) / sizeof(float) + 1;
     for (int64_t image = 0; image < shape[0]; ++image) {
-      call.parallel(blocks, [&](int index) {
-        auto* const moved = reinterpret_cast<uint8_t*>(memory.data() + static_cast<size_t>(index) * stride);
-        const int64_t first = int64_t{index} * block;
-        for (int64_t y = first; y < std::min(first + block, height); ++y) {
-          const uint8_t* own = call.bytes(own_input) + (image * height + y) * row;
-          const uint8_t* other = call.bytes(other_input) + (image * height + y) * row;
-          for (int p = 0; p < pairs; ++p) {
-            move_row(other, width, channels, p, moved);
-            kernels().add_bytes(own, moved, steps, static_cast<int>(row), out + ((image * pairs + p) * height + y) * row);
-          }
+      for_each_row(call, scratch_, height, moved_values, [&](int64_t y, float* memory) {
+        auto* const moved = reinterpret_cast<uint8_t*>(memory);
+        const uint8_t* own = call.bytes(own_input) + (image * height + y) * row;
+        const uint8_t* other = call.bytes(other_input) + (image * height + y) * row;
+        for (int p = 0; p < pairs; ++p) {
+          move_row(other, width, channels, p, moved);
+          kernels().add_bytes(own, moved, steps, static_cast<int>(row), out + ((image * pairs + p) * height + y) * row);
         }
       });
     }

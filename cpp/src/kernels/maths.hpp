@@ -1,4 +1,4 @@
-// Exponential and logarithm for all kernel sets. The steps are the same in every set, so that all sets round alike. There are
+// Limits, exponential and logarithm for all kernel sets. The steps are the same in every set, so that all sets round alike. There are
 // no branches, so that the compiler can use vectors.
 #pragma once
 
@@ -18,6 +18,9 @@ static inline int32_t bits_of_float(float value) {
   memcpy(&bits, &value, sizeof(bits));
   return bits;
 }
+
+static inline float at_most(float value, float limit) { return value < limit ? value : limit; }
+static inline float at_least(float value, float limit) { return value > limit ? value : limit; }
 
 // exp(x) with a relative error below 3e-7. Arguments are limited to -87 and 88.
 static inline float exp_of(float x) {
