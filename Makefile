@@ -9,6 +9,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope
 export ORT_DISABLE_TELEMETRY := 1
+# The tests of the C library build it with the CMake that is installed here.
+export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .PHONY: demo test test-slow test-providers test-all announce tools lint bench docs clean
 
