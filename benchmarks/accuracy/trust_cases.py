@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from endosdk import Cause, DepthResult, Status
 from endosdk.datasets.dataset import Sample
-from endosdk.simulation.faults.field import Field, darken_outside, inside
+from endosdk.simulation.faults.field import Field, Label, darken_outside, inside, write_label
 from endosdk.simulation.faults.rows import Rows, move_view
 
 Picture = NDArray[np.uint8]
@@ -107,6 +107,31 @@ def _field(shape: str, across: float) -> Spoil:
     return spoil
 
 
+def _overlaid(opacity: float) -> Spoil:
+    """Five lines of text that a program draws into both frames, on a panel of this opacity."""
+
+    def spoil(sample: Sample, rng: np.random.Generator) -> Sample:
+        height, width = sample.left.shape[:2]
+        x, y = float(rng.uniform(0.02, 0.5)), float(rng.uniform(0.05, 0.3))
+        panel = np.s_[int((y - 0.04) * width) : int((y + 0.24) * width), int(x * width) : int((x + 0.4) * width)]
+        words = rng.choice(("PATIENT", "LIGHT", "ZOOM", "EXPOSURE"), 5)
+        lines = [Label(f"{word} {n}", x + 0.02, y + 0.05 * n, 0.022, 230.0, (0, 1)) for n, word in enumerate(words)]
+        views = []
+        covered = np.zeros((height, width), np.bool_)
+        if opacity > 0:
+            covered[panel] = True
+        for view in (sample.left.astype(np.float32), sample.right.astype(np.float32)):
+            view[panel] += opacity * (np.float32(35.0) - view[panel])
+            for line in lines:
+                covered |= write_label(view, line)
+            views.append(_whole(view))
+        truth = np.where(covered, np.float32(np.nan), sample.disparity)
+        info = {**sample.info, "outside": covered}
+        return replace(sample, left=views[0], right=views[1], disparity=truth, info=info)
+
+    return spoil
+
+
 def _glare(sample: Sample, rng: np.random.Generator) -> Sample:
     """Blown-out blots over three tenths of both views, at other places in each."""
     return _each(_blots)(sample, rng)
@@ -191,6 +216,8 @@ USABLE = (
     Case("rows 2 px off", _rows_off(2.0)),
     Case("circular field of view", _field("circle", 0.4)),
     Case("field of view between bars", _field("bars", 0.42)),
+    Case("text over both views", _overlaid(0.0)),
+    Case("menu over both views", _overlaid(1.0)),
     Case("glare on 30 %", _glare),
     Case("fog", _fog),
 )

@@ -13,6 +13,7 @@
 #include "geometry/rig_rules.hpp"
 #include "geometry/stereo_rectify.hpp"
 #include "images/rectify.hpp"
+#include "images/equal_blocks.hpp"
 #include "images/same_view.hpp"
 
 namespace endosdk {
@@ -137,6 +138,18 @@ std::pair<double, double> displacement_of_arrays(const py::array& left, const py
   return {apart.textured, apart.rest};
 }
 
+py::array equal_blocks_of_arrays(const py::array& left, const py::array& right) {
+  const ImageView a = image_view(left, "left");
+  const ImageView b = image_view(right, "right");
+  require(a.size() == b.size() && a.channels == b.channels, "right", "must have the shape of left", b.size());
+  EqualBlocks blocks;
+  {
+    const py::gil_scoped_release release;
+    blocks.compare(a, b);
+  }
+  return py::array_t<uint8_t>({blocks.size().height, blocks.size().width}, blocks.marks().data());
+}
+
 void pack_arrays(const py::array& left, const py::array& right, py::array& out_left, py::array& out_right,
                  const std::string& order) {
   const Pair pair(left, right, out_left, out_right, order);
@@ -200,6 +213,8 @@ void bind_rectification(py::module_& m) {
         arg("out_right").noconvert(), arg("order"), "Rewrite an already rectified pair as padded planar RGB.");
   m.def("displacement_of_frames", &displacement_of_arrays, arg("left").noconvert(), arg("right").noconvert(),
         "How far apart two frames show their texture, thousandths of the width: in tiles with more texture, and in the rest.");
+  m.def("equal_blocks", &equal_blocks_of_arrays, arg("left").noconvert(), arg("right").noconvert(),
+        "Blocks in which both frames show the same: 0 differs, 1 equal, 2 equal steps along the rows. All are 0 if none is 2.");
   m.attr("farthest_displacement") = farthest_displacement;
   m.attr("displacement_of_one_view") = displacement_of_one_view;
   m.attr("rest_of_one_view") = rest_of_one_view;

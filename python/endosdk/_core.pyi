@@ -234,6 +234,12 @@ def displacement_of_frames(left: _Bytes, right: _Bytes) -> tuple[float, float]:
     Frames as for `Rectifier.rectify`.
     """
 
+def equal_blocks(left: _Bytes, right: _Bytes) -> _Bytes:
+    """uint8 [blocks down, blocks along]: 0 where the frames differ, 1 where they are equal, 2 with equal steps.
+
+    All are 0 where none is 2. Frames as for `Rectifier.rectify`, both of one shape.
+    """
+
 # Frames that are less apart are one view; what is farther apart than can be told is as far as this.
 displacement_of_one_view: float
 rest_of_one_view: float

@@ -176,6 +176,19 @@ def test_a_circle_is_found_and_nothing_outside_is_valid(estimator, x, y, radius)
     assert (result.reasons[deep] == 0).mean() > 0.85
 
 
+def test_a_black_shaft_across_the_picture_is_in_the_view(estimator):
+    """The scene goes on behind it, so it is no edge of a field."""
+    views = []
+    for view, shift in zip(shifted_pair(*SIZE, 9), (0, 20), strict=True):
+        view = np.maximum(view, 40)
+        corners = np.array([[0, 20], [260 - shift, 80], [260 - shift, 140], [0, 80]])
+        views.append(cv2.fillPoly(view, [corners], (6, 6, 6)))
+    result = estimator.predict(*views)
+    assert not (result.reasons & Reason.OUTSIDE_VIEW).any()
+    view = resampling.planar(estimator.rectified_pair()[0], "rgb", *SIZE)
+    assert view_measures.field_of_view(view_measures.cell_levels(view, *SIZE)) is None
+
+
 STATED = {"left_field_of_view": (300, 250, 250, 210), "right_field_of_view": (330, 240, 260, 220)}
 STATED_RIGS = {
     "raw": raw_rig(**STATED),

@@ -93,7 +93,9 @@ def field_of_view(levels: np.ndarray) -> np.ndarray | None:
         left = (first[above][:, None] + (first[below][None] - first[above][:, None]) * share).min()
         right = (last[above][:, None] + (last[below][None] - last[above][:, None]) * share).max()
         inside[y, int(np.ceil(left - 1e-9)) : int(np.floor(right + 1e-9)) + 1] = True
-    return inside if inside.mean() <= 1 - 0.005 else None
+    if inside.mean() > 1 - 0.005 or (~inside & ~outside).sum() > 0.08 * (~inside).sum():
+        return None
+    return inside
 
 
 def seen_cells(view: np.ndarray, height: int, width: int) -> np.ndarray:

@@ -257,7 +257,7 @@ typedef struct endo_image {
     REASON(OUTSIDE_OVERLAP, 4, "the right camera does not see this point, or the lens map has no source pixel") \
     REASON(OUT_OF_RANGE, 8, "no finite positive depth, or a depth outside the requested range or the range of the network") \
     REASON(SATURATED, 16, "all three colours of the left view are overexposed: glare") \
-    REASON(OUTSIDE_VIEW, 32, "outside the field of view: the optics do not fill this part of the left view")
+    REASON(OUTSIDE_VIEW, 32, "the left view shows no scene here: outside its field of view, or under text or a menu in both frames")
 
 #define ENDO_REASON_BIT(name, bit, meaning) ENDO_REASON_##name = bit,
 typedef enum endo_reason { ENDO_REASONS(ENDO_REASON_BIT) } endo_reason;

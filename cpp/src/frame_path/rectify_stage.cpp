@@ -1,7 +1,7 @@
 #include "frame_path/rectify_stage.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "platform/errors.hpp"
 
@@ -40,6 +40,7 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
   if (rig != nullptr) {
     for (const bool right : {false, true}) place_field(*rig, right);
   }
+  if (network) place_blocks(rig);
   const bool resized = picture_ != frame_;
   if (!moves_ && !resized) return;
   const Rig source = moves_ ? *rig : Rig::identity(frame);
@@ -51,23 +52,43 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
   checkpoint();
 }
 
+std::vector<Point> RectifyStage::places_of_cells(const Rig* rig, bool right) const {
+  const Size cells = MatchedViews::cells_of(picture_);
+  const double cell = 2.0 * MatchedViews::unit_of(picture_);
+  const Rig source = rig != nullptr ? *rig : Rig::identity(frame_);
+  const SourceMap map(source.view(right, moved(source.geometry(), right_shift_, negative(corrected_)).scaled(picture_)));
+  std::vector<Point> places;
+  places.reserve(count_of(cells));
+  for (int y = 0; y < cells.height; ++y) {
+    for (int x = 0; x < cells.width; ++x) places.push_back(map.at((x + 0.5) * cell - 0.5, (y + 0.5) * cell - 0.5).pixel);
+  }
+  return places;
+}
+
 // The cells of the picture whose middle the optics of the view fill.
 void RectifyStage::place_field(const Rig& rig, bool right) {
   const double* const field = rig.field_of_view(right);
   if (field == nullptr) return;
-  const RectifiedGeometry seen = moved(rig.geometry(), right_shift_, negative(corrected_)).scaled(picture_);
-  const SourceMap map(rig.view(right, seen));
-  const Size cells = MatchedViews::cells_of(picture_);
-  const double cell = 2.0 * MatchedViews::unit_of(picture_);
   std::vector<uint8_t> inside;
-  inside.reserve(count_of(cells));
-  for (int y = 0; y < cells.height; ++y) {
-    for (int x = 0; x < cells.width; ++x) {
-      const Point raw = map.at((x + 0.5) * cell - 0.5, (y + 0.5) * cell - 0.5).pixel;
-      inside.push_back(std::hypot((raw.x - field[0]) / field[2], (raw.y - field[1]) / field[3]) <= 1.0 ? 1 : 0);
-    }
+  for (const Point& raw : places_of_cells(&rig, right)) {
+    inside.push_back(std::hypot((raw.x - field[0]) / field[2], (raw.y - field[1]) / field[3]) <= 1.0 ? 1 : 0);
   }
-  fields_[right ? 1 : 0].emplace().take(inside, cells);
+  fields_[right ? 1 : 0].emplace().take(inside, MatchedViews::cells_of(picture_));
+}
+
+void RectifyStage::place_blocks(const Rig* rig) {
+  const Size blocks = EqualBlocks::blocks_of(frame_);
+  const int side = EqualBlocks::side_of(frame_);
+  const auto block_of = [&](const Point& raw) {
+    const bool seen = raw.x >= -0.5 && raw.y >= -0.5 && raw.x < frame_.width - 0.5 && raw.y < frame_.height - 0.5;
+    if (!seen || count_of(blocks) == 0) return -1;
+    const int x = std::min(static_cast<int>(raw.x + 0.5) / side, blocks.width - 1);
+    const int y = std::min(static_cast<int>(raw.y + 0.5) / side, blocks.height - 1);
+    return y * blocks.width + x;
+  };
+  for (const bool right : {false, true}) {
+    for (const Point& raw : places_of_cells(rig, right)) blocks_.of[right ? 1 : 0].push_back(block_of(raw));
+  }
 }
 
 void RectifyStage::operator()(const ImageView& left, const ImageView& right, const PlanarView& out_left,

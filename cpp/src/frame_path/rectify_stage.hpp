@@ -13,6 +13,7 @@
 #include "geometry/pose_error.hpp"
 #include "geometry/rig.hpp"
 #include "maps/matched_views.hpp"
+#include "maps/overlays.hpp"
 
 namespace endosdk {
 
@@ -44,6 +45,8 @@ class RectifyStage {
   // Of view of left and right, as the rig states them; null where it does not.
   MatchedViews::Fields fields() const { return {fields_[0] ? &*fields_[0] : nullptr, fields_[1] ? &*fields_[1] : nullptr}; }
 
+  const BlocksOfCells& blocks() const { return blocks_; }
+
   // Masks of the frame's size; null when every pixel is valid.
   const uint8_t* valid_left() const { return masks() ? masks()->valid_left().data() : nullptr; }
   const uint8_t* valid_right() const { return masks() ? masks()->valid_right().data() : nullptr; }
@@ -55,7 +58,10 @@ class RectifyStage {
     return moves_ && rectifier_ ? &*rectifier_ : nullptr;
   }
 
+  // Places in the raw frame that the middles of cells show, row by row. A null rig: the frames are only resized.
+  std::vector<Point> places_of_cells(const Rig* rig, bool right) const;
   void place_field(const Rig& rig, bool right);
+  void place_blocks(const Rig* rig);
 
   Size frame_;
   Size picture_;
@@ -65,6 +71,7 @@ class RectifyStage {
   std::optional<Rectifier> rectifier_;
   std::optional<Rectifier> full_;
   std::optional<FieldOfView> fields_[2];
+  BlocksOfCells blocks_;
 };
 
 // Pairs of frames as a stage gives them, in tight RGB rows. It keeps its memory from one pair to the next.

@@ -27,6 +27,12 @@ double share_out_of_range(const uint8_t* reasons, size_t count) {
   return static_cast<double>(total) / static_cast<double>(count);
 }
 
+// Share of the left view that shows the scene; never 0.
+double share_of_scene(const MatchedViews& views, const Overlays& overlays) {
+  constexpr double least = 0.01;
+  return std::max(least, views.field(0).share() - overlays.share());
+}
+
 // The fit of the rig is trusted only if it explains at least this share of the rows found without the network.
 constexpr double least_found = 0.7;
 
@@ -55,6 +61,7 @@ void Slot::rectify(const FramePair& pair, FrameReport& report) {
   const FrameDisplacement apart = displacement_of_frames(pair.left, pair.right);
   report.causes.set(Cause::same_view_twice, apart.textured);
   rest_apart_ = apart.rest;
+  equal_.compare(pair.left, pair.right);
   report.prints = {print_of(pair.left), print_of(pair.right)};
   report.corrected = stage_->corrected();
   const Clock::time_point ended = Clock::now();
@@ -94,7 +101,7 @@ void Slot::answer(const MapsOut& wanted, const Limits& limits, const Rig* rig, W
 }
 
 void Slot::judge(const MapsOut& maps, const Rig* rig, FrameReport& report) {
-  const double seen = scratch_.views.size().width > 0 ? scratch_.views.field(0).share() : 1.0;
+  const double seen = scratch_.views.size().width > 0 ? share_of_scene(scratch_.views, scratch_.overlays) : 1.0;
   report.causes.set(Cause::few_valid, report.valid_share / seen);
   report.causes.set(Cause::out_of_range, share_out_of_range(maps.reasons, count_of(stage_->frame())) / seen);
   if (scratch_.views.size().width == 0) return;  // the picture is too small to be judged
@@ -178,6 +185,8 @@ int Slot::postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig)
   in.left = buffers_.left();
   in.right = buffers_.right();
   in.fields = stage_->fields();
+  in.equal = &equal_;
+  in.blocks = &stage_->blocks();
   in.right_shift = stage_->right_shift();
   in.valid_left = stage_->valid_left();
   in.valid_right = stage_->valid_right();

@@ -8,6 +8,7 @@
 #include "frame_path/frame.hpp"
 #include "frame_path/rectify_stage.hpp"
 #include "frame_path/session.hpp"
+#include "images/equal_blocks.hpp"
 #include "maps/coarse_match.hpp"
 #include "maps/image_motion.hpp"
 #include "maps/maps.hpp"
@@ -71,6 +72,7 @@ class Slot {
   std::unique_ptr<Session::Run> run_;
   SpareMaps spare_;
   RectifyScratch rectify_scratch_;
+  EqualBlocks equal_;
   PostprocessScratch scratch_;
   CoarseMatch coarse_match_;
   BrightnessPyramid brightness_;

@@ -15,6 +15,7 @@ constexpr float least_edge = 8.0f;   // grey levels: median step from the surrou
 constexpr double least_border = 0.02;   // share of the border that must be dark
 constexpr double least_outside = 0.005;  // share of the picture outside; with less there is no field of view
 constexpr double least_inside = 0.1;
+constexpr double most_bright = 0.08;  // share of the outside that is not dark, such as text beside the field
 
 enum Mark : uint8_t { inside_mark = 0, outside_mark = 1 };
 
@@ -54,7 +55,8 @@ void FieldOfView::find(const float* levels, Size cells) {
   if (!ends_at_an_edge(levels, base) || !find_largest_part()) return;
   remove_dents();
   fill_map();
-  is_part_ = share_ <= 1.0 - least_outside;
+  is_part_ = share_ <= 1.0 - least_outside && bright_outside() <= most_bright;
+  if (!is_part_) share_ = 1.0;
 }
 
 void FieldOfView::take(const std::vector<uint8_t>& inside, Size cells) {
@@ -169,6 +171,19 @@ bool FieldOfView::ends_at_an_edge(const float* levels, float base) {
     }
   }
   return !steps_.empty() && median(steps_) >= least_edge;
+}
+
+// Share of the cells outside the field that are not dark. Where a dark instrument or organ reaches the border, the scene goes on
+// behind it.
+double FieldOfView::bright_outside() const {
+  int64_t all = 0;
+  int64_t bright = 0;
+  for (size_t i = 0; i < mark_.size(); ++i) {
+    if (inside_[i] > 0.5f) continue;
+    ++all;
+    bright += mark_[i] == inside_mark ? 1 : 0;
+  }
+  return all > 0 ? static_cast<double>(bright) / static_cast<double>(all) : 0.0;
 }
 
 // Takes the extents of the largest part alone: text beside the field forms other parts. False where the part is too small.

@@ -2,7 +2,7 @@
 //
 // The surroundings of the field are evenly dark, touch the border of the picture and end at an edge. Dark tissue has no such
 // edge, because it darkens slowly; then no field is found. A field of view has no dents, so tissue as dark as the surroundings
-// is added back to it.
+// is added back to it. The surroundings are dark all over, but for text; behind a dark instrument the scene goes on.
 #pragma once
 
 #include <cstddef>
@@ -65,6 +65,7 @@ class FieldOfView {
   void remove_dents();
   void remove_dents(int side);
   void fill_map();
+  double bright_outside() const;
 
   Size size_;
   bool is_part_ = false;

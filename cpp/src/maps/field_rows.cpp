@@ -17,12 +17,12 @@ FieldOfView::Extent cells_around(int out, double scale, int size) {
 
 }  // namespace
 
-void FieldRows::prepare(const FieldOfView& left, const FieldOfView& right, int out_width, Scale scale, int workers) {
+void FieldRows::prepare(const MatchedViews& views, const Overlays& overlays, int out_width, Scale scale, int workers) {
   width_ = out_width;
   scale_ = scale;
-  left_.field = &left;
-  right_.field = &right;
+  overlays_ = &overlays;
   for (Side* side : {&left_, &right_}) {
+    side->field = &views.field(side->view);
     side->rows.resize(static_cast<size_t>(out_width) * static_cast<size_t>(workers));
     const int cells = side->field->map().width;
     side->first.resize(static_cast<size_t>(cells + 1));
@@ -55,21 +55,41 @@ const uint8_t* FieldRows::right(int y, int worker, const uint8_t* valid) {
   return both;
 }
 
-// A pixel is inside if all cells around it are inside.
 const uint8_t* FieldRows::row(Side& side, int y, int worker) {
-  if (!side.field->is_part()) return nullptr;
+  const Size cells = {side.field->map().width, side.field->map().height};
+  const int cell_row = std::clamp(static_cast<int>((y + 0.5) * scale_.y), 0, cells.height - 1);
+  const uint8_t* const covered = overlays_->row(side.view, cell_row);
+  if (!side.field->is_part() && covered == nullptr) return nullptr;
+  uint8_t* const inside = side.rows.data() + static_cast<ptrdiff_t>(worker) * width_;
+  if (side.field->is_part()) {
+    write_field(side, y, inside);
+  } else {
+    std::fill_n(inside, width_, uint8_t{1});
+  }
+  if (covered != nullptr) leave_out(covered, cells.width, inside);
+  return inside;
+}
+
+// A pixel is inside if all cells around it are inside.
+void FieldRows::write_field(const Side& side, int y, uint8_t* inside) const {
   const FieldOfView::Extent around = cells_around(y, scale_.y, side.field->map().height);
   const FieldOfView::Extent upper = side.field->extent(around.first, 0);
   const FieldOfView::Extent lower = side.field->extent(around.last, 0);
   const int first_cell = std::max(upper.first, lower.first);
   const int last_cell = std::min(upper.last, lower.last);
-  uint8_t* const inside = side.rows.data() + static_cast<ptrdiff_t>(worker) * width_;
   std::fill_n(inside, width_, uint8_t{0});
-  if (last_cell < first_cell) return inside;
+  if (last_cell < first_cell) return;
   const int first = side.first[static_cast<size_t>(first_cell)];
   const int end = side.end[static_cast<size_t>(last_cell)];
   if (end > first) std::fill_n(inside + first, end - first, uint8_t{1});
-  return inside;
+}
+
+// Pixels that lie in covered cells are outside.
+void FieldRows::leave_out(const uint8_t* covered, int cells, uint8_t* inside) const {
+  for (int x = 0; x < width_; ++x) {
+    const int cell = std::min(static_cast<int>((x + 0.5) * scale_.x), cells - 1);
+    if (covered[cell] != 0) inside[x] = 0;
+  }
 }
 
 }  // namespace endosdk

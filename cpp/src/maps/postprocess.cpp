@@ -100,6 +100,8 @@ Scale cells_of(const PostprocessInput& in) { return {in.scale.y / in.view_scale.
 void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
   if (has_right(in)) {
     scratch.views.compare(in.disparity, in.left, in.right, picture_of(in), cells_of(in), in.fields);
+    scratch.overlays.clear();
+    if (in.equal != nullptr) scratch.overlays.find(*in.equal, *in.blocks, scratch.views);
     scratch.measures.measure(scratch.views, picture_of(in).width);
     scratch.search.take(scratch.views);
     scratch.rivals = share_of_rivals(scratch.search, scratch.views);
@@ -158,8 +160,7 @@ class RowWriter {
     has_fields_ = has_right(in) && scratch.views.size().width > 0;
     if (has_fields_) {
       const double cell = 2.0 * scratch.views.unit();
-      const MatchedViews& views = scratch.views;
-      scratch.fields.prepare(views.field(0), views.field(1), width, {in.view_scale.y / cell, in.view_scale.x / cell}, workers());
+      scratch.fields.prepare(scratch.views, scratch.overlays, width, {in.view_scale.y / cell, in.view_scale.x / cell}, workers());
     }
   }
 

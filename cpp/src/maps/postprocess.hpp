@@ -9,6 +9,7 @@
 #include "maps/glare_rows.hpp"
 #include "maps/joint_bilateral.hpp"
 #include "maps/maps.hpp"
+#include "maps/overlays.hpp"
 #include "maps/patch_search.hpp"
 #include "maps/row_disparity.hpp"
 #include "maps/view_measures.hpp"
@@ -44,6 +45,8 @@ struct PostprocessInput {
   PlanarView right;  // has the size of `left`; without data, photometric consistency is not tested
   Scale view_scale;  // pixels of these views per output pixel; each output pixel takes the nearest
   MatchedViews::Fields fields{};  // known fields of view
+  const EqualBlocks* equal = nullptr;  // of the raw frames; null: overlays are not looked for
+  const BlocksOfCells* blocks = nullptr;
   double right_shift = 0.0;  // frame pixels by which the right view was moved to the left before the network saw it
   const uint8_t* valid_left = nullptr;   // masks of the output's size; null: all valid
   const uint8_t* valid_right = nullptr;
@@ -62,6 +65,7 @@ struct PostprocessScratch {
   GlareRows glare;
   FieldRows fields;
   MatchedViews views;
+  Overlays overlays;
   PhotometricConsistency consistency;
   RowDisparity rows;
   ViewMeasures measures;
