@@ -4,12 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from endosdk import DepthEstimator, StereoCalibration, _core
+from endosdk import DepthEstimator, Reason, _core
 from endosdk.datasets.layouts import open_dataset
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.reference import overlays
-
-OUTSIDE_VIEW, OUTSIDE_OVERLAP = 32, 4
+from tests.rigs import raw_rig
 
 
 def with_menu(view: np.ndarray, opacity: float = 1.0) -> np.ndarray:
@@ -73,25 +72,16 @@ def test_what_covers_the_scene_is_outside_the_view(opacity):
     # The map has cells of about two pixels, whose middle decides.
     sure = cv2.erode(over.astype(np.uint8), np.ones((5, 5))) > 0
     far = cv2.dilate(over.astype(np.uint8), np.ones((5, 5))) == 0
-    outside = (result.reasons & OUTSIDE_VIEW) > 0
+    outside = (result.reasons & Reason.OUTSIDE_VIEW) > 0
     assert outside[sure].all() and not outside[far].any()
     # A pixel whose match the overlay of the right view covers has none.
     moved = np.zeros_like(sure)
     moved[:, 20:] = sure[:, 11:-9]
-    assert ((result.reasons & OUTSIDE_OVERLAP) > 0)[moved & (np.abs(result.disparity - 9) < 1)].all()
+    assert ((result.reasons & Reason.OUTSIDE_OVERLAP) > 0)[moved & (np.abs(result.disparity - 9) < 1)].all()
 
 
 def test_overlays_of_raw_frames_are_found_where_rectification_moves_them():
-    rig = StereoCalibration(
-        width=320,
-        height=240,
-        left_matrix=np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]]),
-        right_matrix=np.array([[300.0, 0, 150], [0, 300, 124], [0, 0, 1]]),
-        left_distortion=np.array([0.05, 0, 0, 0]),
-        right_distortion=np.array([-0.05, 0, 0, 0]),
-        rotation=cv2.Rodrigues(np.array([0.01, -0.03, 0.02]))[0],
-        translation=np.array([-5.0, 0, 0]),
-    )
+    rig = raw_rig().scaled(320, 240)
     left, right = (with_menu(view) for view in tissue(240, 320))
     with DepthEstimator(TINY_MODEL, calibration=rig) as estimator:
         result = estimator.predict(left, right)
@@ -100,7 +90,7 @@ def test_overlays_of_raw_frames_are_found_where_rectification_moves_them():
         over = estimator.rectify(200 * raw, 200 * raw)[0][..., 0] // 100
     sure = cv2.erode(over, np.ones((5, 5))) > 0
     far = cv2.dilate(over, np.ones((5, 5))) == 0
-    outside = (result.reasons & OUTSIDE_VIEW) > 0
+    outside = (result.reasons & Reason.OUTSIDE_VIEW) > 0
     assert sure.any() and outside[sure].all() and not outside[far].any()
 
 
@@ -111,13 +101,28 @@ def test_the_rim_of_a_round_picture_is_no_overlay():
     with DepthEstimator(TINY_MODEL) as estimator:
         result = estimator.predict(*pair)
     well_inside = np.hypot(rows - 240, columns - 320) < 220
-    assert not ((result.reasons & OUTSIDE_VIEW) > 0)[well_inside].any()
+    assert not ((result.reasons & Reason.OUTSIDE_VIEW) > 0)[well_inside].any()
+
+
+def test_text_beside_a_round_picture_takes_nothing_from_it():
+    rows, columns = np.indices((480, 640))
+    inside = np.hypot(rows - 240, columns - 320) < 230
+    pair = []
+    for view in tissue(480, 640):
+        shown = np.where(inside[..., None], view, 4).astype(np.uint8)
+        cv2.putText(shown, "ID 0417", (4, 40), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (230,) * 3, 1)
+        pair.append(shown)
+    assert (_core.equal_blocks(*pair) == overlays.TELLING).any()
+    with DepthEstimator(TINY_MODEL) as estimator:
+        result = estimator.predict(*pair)
+    well_inside = np.hypot(rows - 240, columns - 320) < 220
+    assert not ((result.reasons & Reason.OUTSIDE_VIEW) > 0)[well_inside].any()
 
 
 def test_one_view_twice_is_no_overlay():
     left = tissue(480, 640)[0]
     with DepthEstimator(TINY_MODEL) as estimator:
-        assert not (estimator.predict(left, left.copy()).reasons & OUTSIDE_VIEW).any()
+        assert not (estimator.predict(left, left.copy()).reasons & Reason.OUTSIDE_VIEW).any()
 
 
 def test_clean_pairs_have_no_overlays():
