@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from ctypes import (
     POINTER,
     Structure,
@@ -267,13 +267,13 @@ def configure(folder: Path, *options: str) -> None:
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
 
 
-def build(folder: Path, *options: str) -> None:
+def build(folder: Path, *options: str, targets: Sequence[str] = ("all",)) -> None:
     """Configure and build; tests inside the folder open this environment's runtime."""
     folder.parent.mkdir(exist_ok=True)
     with folder.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # another worker may want the same; the second finds it done
         configure(folder, f"-DENDOSDK_TEST_RUNTIME={runtime_library()}", *options)
-        cmake("--build", folder, "--parallel")
+        cmake("--build", folder, "--parallel", "--target", *targets)
 
 
 def load(path: Path) -> ctypes.CDLL:

@@ -40,6 +40,16 @@ def library(installed) -> ctypes.CDLL:
     return c.load(installed.library)
 
 
+# Test programs and fuzzers that run under sanitizers.
+SANITIZED = (
+    *(
+        f"library_{part}"
+        for part in ("maps", "models", "operation", "refusals", "session_threads", "thread_hook", "units")
+    ),
+    *(f"fuzz_{part}" for part in ("calibration", "frame", "model", "rig_file")),
+)
+
+
 @pytest.fixture(scope="session")
 def sanitized() -> Path:
     """A build with checks of memory and undefined behaviour; linked as a static library, the other way to ship it."""
@@ -52,6 +62,7 @@ def sanitized() -> Path:
         "-DENDOSDK_BUILD_TESTS=ON",
         "-DENDOSDK_BUILD_FUZZERS=ON",
         "-DBUILD_SHARED_LIBS=OFF",
+        targets=("endosdk", *SANITIZED),
     )
     return folder
 

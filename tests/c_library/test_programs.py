@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+from tests.c_library.conftest import SANITIZED
+
 
 def run_tests(folder: Path, pattern: str) -> None:
     command = ["ctest", "--test-dir", str(folder), "--output-on-failure", "--no-tests=error", "-R", pattern]
@@ -17,4 +19,4 @@ def test_programs(installed):
 
 
 def test_under_sanitizers(sanitized):
-    run_tests(sanitized, "^(library_(maps|models|operation|refusals|session_threads|thread_hook|units)|fuzz_.*)$")
+    run_tests(sanitized, f"^({'|'.join(SANITIZED)})(_corpus)?$")
