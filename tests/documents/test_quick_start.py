@@ -14,7 +14,7 @@ from tests.conftest import ROOT
 
 PAGE = ROOT / "docs" / "quick-start.md"
 PASSED_ON = ("PATH", "http_proxy", "https_proxy", "no_proxy")
-# A compiler cache saves time and changes nothing. Its key holds the compiler's name, its language, and paths from a base.
+# A compiler cache saves time and changes nothing. Its key holds the compiler's name, a language, and paths from a base.
 CACHE = ("CMAKE_CXX_COMPILER_LAUNCHER", "CCACHE_DIR", "CXX", "LANG", "LC_")
 
 
