@@ -86,15 +86,16 @@ def gpu_variants_table() -> str:
 
 
 def card_speed_table(model: str) -> str:
-    """Frame rates and latency of one model."""
+    """Frame rates, latency and memory of one model."""
     rows = []
     for name in CARD_SPEEDS[model]:
         label = VNNI_SPEEDS[f"speed/{name}"]
         run = records.read(f"speed/{name}")
         frames = records.marked(label.removeprefix(f"{model}, "), run["model"]["sha256"])
         rates = [f"{run[key]:.0f}" if run[key] >= 10 else f"{run[key]:.1f}" for key in ("fps", "stream_fps")]
-        rows.append([frames, *rates, *(f"{run['latency_ms'][key]:.0f} ms" for key in ("p50", "p99"))])
-    return table(["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99"], rows)
+        delays = [f"{run['latency_ms'][key]:.0f} ms" for key in ("p50", "p99")]
+        rows.append([frames, *rates, *delays, f"{run['peak_rss_mb']:.0f} MB"])
+    return table(["frames, threads", "`predict`, FPS", "`stream`, FPS", "median", "p99", "memory"], rows)
 
 
 def first_version_table() -> str:

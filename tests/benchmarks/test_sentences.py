@@ -102,6 +102,35 @@ def times_of_fast_alone():
     return tuple(f"{alone[way]['p50_ms']:.1f}" for way in ("sleeping", "polling"))
 
 
+def rates_beside_two_busy_processes():
+    two = read("speed/spinning")["models"]["fast"]["2 busy processes"]
+    return tuple(sorted(f"{two[way]['fps']:.0f}" for way in ("sleeping", "polling")))
+
+
+def outlines_rejected():
+    found = read("accuracy/measuring")
+    objects = sum(sum(one["objects"].values()) for one in found["sets"].values())
+    return str(objects - found["all"]["area"]["measurements"]), str(objects)
+
+
+def loss_on_one_flight():
+    ratios = sorted(one["error_ratio"] for film, one in read("accuracy/temporal")["flight"].items() if film != "mean")
+    assert sum(ratio > 1.03 for ratio in ratios) == 1 and len(ratios) == 5
+    return (whole_percent(ratios[-1] - 1),)
+
+
+def named_scale():
+    found = read("accuracy/fault_naming")
+    sets = found["faults"]["right view larger by 1 %"]["sets"]
+    clean = [one for name, one in sets.items() if found["datasets"][name]["pairs"] == "clean"]
+    return tuple(str(sum(one[key] for one in clean)) for key in ("named", "frames"))
+
+
+def cost_of_trust():
+    shares = [case["share_of_a_frame"] for case in read("speed/trust_cost")["cases"].values()]
+    return whole_percent(min(shares)), whole_percent(max(shares))
+
+
 GAIN = r"(\d\.\d) times as fast, (\d\.\d) times in a stream"
 SENTENCES = [
     ("README.md", GAIN, gains_of_fast_320),
@@ -121,6 +150,11 @@ SENTENCES = [
     ("docs/numbers.md", r"this CPU ran `fast` at (\S+) FPS and `fast-320` at (\S+) FPS", rates_with_avx2),
     ("docs/numbers.md", r"file of `fast` at (\S+) FPS, and of `fast-320` at (\S+) FPS", rates_of_a_zen_3),
     ("docs/real-time.md", r"`fast` runs at (\S+) FPS without and at (\S+) FPS with", rates_beside_a_busy_process),
+    ("docs/real-time.md", r"Beside two, both run at (\S+) to (\S+) FPS", rates_beside_two_busy_processes),
+    ("docs/real-time.md", r"trust checks take (\S+) to (\S+) % of a frame", cost_of_trust),
+    ("docs/measuring.md", r"happened for (\S+) of (\S+) outlines", outlines_rejected),
+    ("docs/live.md", r"In one of the five flights, the filter raises the error by (\S+) %", loss_on_one_flight),
+    ("docs/trust.md", r"A difference of 1 % is named in (\S+) of (\S+) clean frames", named_scale),
     ("docs/real-time.md", r"a frame of `fast` takes (\S+) ms without and (\S+) ms with", times_of_fast_alone),
     (
         "docs/numbers.md",
