@@ -108,18 +108,19 @@ def test_sparsification_of_a_perfect_map_and_of_nothing() -> None:
 
 
 def test_calibration_error_by_hand() -> None:
-    # Two bins: sigma 1 with errors of 3 and 1 (rms sqrt 5), and sigma 8 with an error of 8.
+    # Two bins: sigma 1 with errors of 3 and 1 (mean 2), and sigma 8 with an error of 8.
     errors, sigma = np.array([3.0, 1.0, 8.0]), np.array([1.0, 1.0, 8.0])
-    expected = (2 * (np.sqrt(5) - 1) + 1 * 0) / 3
+    expected = (2 * (2 - 1) + 1 * 0) / 3
     assert metrics.sigma_calibration_error(errors, sigma) == pytest.approx(expected)
 
 
 def test_calibration_error_is_small_for_honest_sigma_and_grows_with_boasting() -> None:
     rng = np.random.default_rng(4)
     sigma = rng.uniform(0.1, 10, 200_000)
-    errors = np.abs(rng.normal(scale=sigma))
+    errors = np.abs(rng.laplace(scale=sigma))  # whose expected absolute value is the scale, as sigma states it
     assert metrics.sigma_calibration_error(errors, sigma) < 0.05
     assert metrics.sigma_calibration_error(errors, sigma / 2) > 1.0
+    assert metrics.sigma_calibration_error(errors, sigma * 1.41) > 1.0
 
 
 def test_calibration_error_pools_over_pictures() -> None:

@@ -80,8 +80,8 @@ def sparsification_error(errors: Errors, uncertainty: Errors) -> float:
 def sigma_calibration_error(depth_errors: Errors, sigma: Map) -> float:
     """Return the expected calibration error of ``sigma`` in mm; both lists are flat, one entry a pixel.
 
-    Pixels are binned by sigma. In each bin the root mean square of the depth errors should equal that of sigma; the
-    gaps are averaged by the number of pixels.
+    Sigma is the expected absolute error. Pixels are binned by it. In each bin the mean absolute depth error should equal
+    the mean sigma; the gaps are averaged by the number of pixels.
     """
     if depth_errors.shape != sigma.shape or sigma.ndim != 1:
         raise InvalidArgument("sigma", f"must be flat, of shape {depth_errors.shape} like depth_errors", sigma.shape)
@@ -89,20 +89,19 @@ def sigma_calibration_error(depth_errors: Errors, sigma: Map) -> float:
 
 
 def sigma_bins(depth_errors: Errors, sigma: Map) -> Errors:
-    """Return the sums [3, bins] that the calibration error needs: pixels, squared errors, squared sigma."""
+    """Return the sums [3, bins] that the calibration error needs: pixels, absolute errors, sigma."""
     bins = np.clip(np.searchsorted(SIGMA_BIN_EDGES, sigma, side="right") - 1, 0, SIGMA_BIN_EDGES.size - 2)
     size = SIGMA_BIN_EDGES.size - 1
-    squared = (None, np.square(depth_errors, dtype=np.float64), np.square(sigma, dtype=np.float64))
-    return np.stack([np.bincount(bins, weights=weights, minlength=size).astype(np.float64) for weights in squared])
+    summed = None, np.abs(depth_errors), sigma
+    return np.stack([np.bincount(bins, weights=weights, minlength=size).astype(np.float64) for weights in summed])
 
 
 def sigma_gap(sums: Errors) -> float:
     """Return the calibration error of sums made by `sigma_bins`, which may be added over many pictures."""
-    counts, squared_errors, squared_sigma = sums[:, sums[0] > 0]
+    counts, errors, sigma = sums[:, sums[0] > 0]
     if counts.size == 0:
         return float("nan")
-    gaps = np.abs(np.sqrt(squared_errors / counts) - np.sqrt(squared_sigma / counts))
-    return float((gaps * counts).sum() / counts.sum())
+    return float(np.abs(errors - sigma).sum() / counts.sum())
 
 
 def with_truth(truth: Map, mask: Mask | None = None) -> Mask:
