@@ -11,6 +11,7 @@
 #include "library/struct_io.hpp"
 #include "measure/areas.hpp"
 #include "geometry/pixel_map.hpp"
+#include "platform/threads.hpp"
 
 using endosdk::guarded;
 using endosdk::require;
@@ -143,6 +144,7 @@ endo_status endo_get_rectification(const endo_calibration* calibration, double a
     endo_rectification known = checked(rectification, first_rectification, "rectification");
     const endosdk::Rig rig = rig_of(calibration);
     check_alpha(alpha);
+    const endosdk::LoopThreads alone(1);  // no estimator is asked, so no host's hook would be called
     const endosdk::PixelMap map(rig, alpha);
     const endosdk::Rectification& views = map.geometry().views;
     const auto q = map.q();

@@ -80,6 +80,36 @@ endo_options hooked(const Places& at, Seen& seen) {
   return options;
 }
 
+// Neither a received frame nor a question about a rig starts a kernel thread, however many cores the calling thread has.
+void an_estimator_of_one_thread_starts_its_stream_alone(const Places& at) {
+  constexpr int large_width = 480;
+  constexpr int large_height = 360;
+  const long before = use_now().threads;
+  Seen seen;
+  endo_options options = hooked(at, seen);
+  options.threads = 1;
+  const Opened estimator(at, options);
+  endo_calibration rig = raw_rig(large_width, large_height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  endo_rectification rectification{};
+  rectification.struct_size = sizeof rectification;
+  CHECK(endo_get_rectification(&rig, 0.0, &rectification) == ENDO_OK);
+  endo_stream* stream = nullptr;
+  CHECK(endo_stream_open(estimator.get(), large_width, large_height, nullptr, &stream) == ENDO_OK);
+  const Pair pair(large_width, large_height, 9);
+  const endo_image left = pair.left_image();
+  const endo_image right = pair.right_image();
+  Output out(size_t{large_width} * large_height, true);
+  for (int i = 0; i < 4; ++i) {
+    CHECK(endo_stream_submit(stream, &left, &right, &out.result) == ENDO_OK);
+    endo_result* received = nullptr;
+    CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == &out.result);
+  }
+  CHECK(seen.names.size() == 1 && seen.count("endosdk-stream") == 1);
+  CHECK(threads_become(before + 1));
+  endo_stream_close(stream);
+}
+
 void every_thread_is_shown_to_the_host(const Places& at) {
   const long before = use_now().threads;
   Seen seen;
@@ -132,6 +162,7 @@ void sessions_of_one_thread_start_none(const Places& at) {
 
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
+  an_estimator_of_one_thread_starts_its_stream_alone(at);  // first: kernel threads stay
   const long before = use_now().threads;
   every_thread_is_shown_to_the_host(at);
   a_second_estimator_shows_the_threads_of_its_own(at);
