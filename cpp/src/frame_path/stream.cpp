@@ -100,11 +100,13 @@ std::optional<Stream::Answer> Stream::receive() {
   change_.notify_all();
   Answer answer = std::move(frame.answer);
   lock.unlock();
-  if (answer.error) {
-    path_->counters_.add_failure();
-  } else {
+  try {
+    if (answer.error) std::rethrow_exception(answer.error);
     watch_rig(answer.report, *frame.slot);
     path_->hand_out(answer.report);
+  } catch (...) {
+    answer.error = std::current_exception();  // the frame is received all the same, and its maps are free again
+    path_->counters_.add_failure();
   }
   return answer;
 }
@@ -117,6 +119,7 @@ void Stream::follow_rig() {
 
 // Takes one frame's pose error, in the order of the frames, and corrects the rectification of later ones.
 void Stream::watch_rig(FrameReport& report, Slot& slot) {
+  const LoopThreads alone(1);  // the cores work on other frames
   std::unique_lock lock(mutex_);
   watch_.add(report, slot);
   const PoseVector before = stage_->corrected();
