@@ -32,22 +32,23 @@ FramePath::FramePath(std::shared_ptr<Session> session, FramePathSettings setting
 }
 
 void FramePath::set_calibration(std::optional<Rig> rig) {
-  keep_calibration(std::move(rig));
-  const std::optional<RangeNote> note = range_note(nearest_depth_mm(), settings_.limits);
+  auto made = rig ? std::make_shared<const Rig>(std::move(*rig)) : nullptr;
+  const std::optional<RangeNote> note = range_note(nearest_depth_mm(made.get()), settings_.limits);
+  keep_calibration(std::move(made));
   if (note) settings_.log(note->level, note->line.c_str());
 }
 
-void FramePath::keep_calibration(std::optional<Rig> rig) {
+void FramePath::keep_calibration(std::shared_ptr<const Rig> rig) {
   process_.check();
   const std::lock_guard lock(calls_);
   check_open();
-  auto made = rig ? std::make_shared<const Rig>(std::move(*rig)) : nullptr;
+  auto identity = std::make_shared<const Identity>(identity_of(model_, sessions_.any().facts(), rig.get()));
+  // From here on nothing fails.
   slot_.reset();  // its maps belong to the former rig
   watch_ = {};
   full_.reset();
-  auto identity = std::make_shared<const Identity>(identity_of(model_, sessions_.any().facts(), made.get()));
   const std::lock_guard state(state_);
-  rig_ = std::move(made);
+  rig_ = std::move(rig);
   identity_ = std::move(identity);
   latest_.reset();
   picture_.reset();
@@ -89,9 +90,10 @@ Size FramePath::usual_size() const {
   return settings_.network.value_or(small);
 }
 
-double FramePath::nearest_depth_mm() const {
-  const std::shared_ptr<const Rig> rig = calibration();
-  if (!rig) return std::numeric_limits<double>::quiet_NaN();
+double FramePath::nearest_depth_mm() const { return nearest_depth_mm(calibration().get()); }
+
+double FramePath::nearest_depth_mm(const Rig* rig) const {
+  if (rig == nullptr) return std::numeric_limits<double>::quiet_NaN();
   return endosdk::nearest_depth_mm(*rig, largest_disparity(rig->size()));
 }
 
@@ -123,6 +125,8 @@ void FramePath::prepare(Size frame) {
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
   compute({view, view, ChannelOrder::rgb}, {}, asked);
   watch_.make_room(*slot_);
+  const std::lock_guard state(state_);
+  if (latest_ != slot_) latest_.reset();  // the memory of the size before
 }
 
 FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {

@@ -84,7 +84,8 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   void check_stamp(const FramePair& pair) const;
   const std::shared_ptr<Slot>& prepared(Size frame, const Work& work);
   void use(std::shared_ptr<Slot> slot);
-  void keep_calibration(std::optional<Rig> rig);
+  void keep_calibration(std::shared_ptr<const Rig> rig);
+  double nearest_depth_mm(const Rig* rig) const;
   FrameReport compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked);
   void compute_in(Slot& slot, const FramePair& pair, const MapsOut& wanted, Work& work, FrameReport& report);
   void finish(FrameReport& report, Clock::time_point asked) const;

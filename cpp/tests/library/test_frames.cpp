@@ -115,6 +115,32 @@ void a_frame_on_another_thread_allocates_nothing(const Places& at) {
   CHECK(after < before + 16384);  // what the thread itself and the runtime take; a reduced frame has 388,800 bytes
 }
 
+void a_refused_rig_leaves_the_one_before(const Places& at) {
+  const Opened estimator(at);
+  endo_calibration rig = raw_rig(width, height);
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  const Pair pair(width, height, 9);
+  Output out(pixels, true);
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+  rig.width = 40000;  // a right rig of frames that are too wide for any model
+  expect(endo_set_calibration(estimator.get(), &rig), ENDO_INVALID_ARGUMENT, "size");
+  CHECK(estimator.predict(pair, out) == ENDO_OK);
+  size_t needed = 0;
+  CHECK(endo_get_diagnostics(estimator.get(), nullptr, 0, &needed) == ENDO_OK);
+}
+
+void preparing_drops_the_pictures_of_the_size_before(const Places& at) {
+  const Opened estimator(at);
+  Output out(pixels);
+  CHECK(estimator.predict(Pair(width, height, 9), out) == ENDO_OK);
+  std::vector<uint8_t> left(3 * pixels);
+  std::vector<uint8_t> right(3 * pixels);
+  const auto latest = [&] { return endo_get_rectified(estimator.get(), left.data(), right.data(), left.size()); };
+  CHECK(endo_prepare(estimator.get(), width, height) == ENDO_OK);
+  CHECK(endo_prepare(estimator.get(), width / 2, height / 2) == ENDO_OK);
+  expect(latest(), ENDO_INVALID_ARGUMENT, "must have answered a frame");
+}
+
 void half_turns_are_no_rig_and_infinite_depths_no_answers(const Places& at) {
   const Opened estimator(at);
   for (const int kept : {1, 2}) {  // the axis of the half turn
@@ -148,5 +174,7 @@ int main(int argc, char** argv) {
   pictures_are_those_of_the_latest_pair_or_none(at);
   one_camera_connected_twice_is_found_on_a_raw_rig(at);
   a_frame_on_another_thread_allocates_nothing(at);
+  a_refused_rig_leaves_the_one_before(at);
+  preparing_drops_the_pictures_of_the_size_before(at);
   half_turns_are_no_rig_and_infinite_depths_no_answers(at);
 }
