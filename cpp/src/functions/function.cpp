@@ -1,6 +1,7 @@
 #include "functions/function.hpp"
 
 #include <iterator>
+#include <new>
 #include <string>
 
 #include "platform/errors.hpp"
@@ -61,7 +62,11 @@ Scratch::Lent::Lent(Scratch& owner, size_t count) : owner_(owner) {
 
 Scratch::Lent::~Lent() {
   const std::lock_guard lock(owner_.mutex_);
-  owner_.spare_.push_back(std::move(values_));
+  try {
+    owner_.spare_.push_back(std::move(values_));
+  } catch (const std::bad_alloc&) {
+    // Not kept: the next call takes other memory, or says that there is none.
+  }
 }
 
 const FunctionKind* function_kind(int i) { return i < static_cast<int>(std::size(kinds)) ? &kinds[i] : nullptr; }
