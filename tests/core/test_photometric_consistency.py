@@ -147,6 +147,15 @@ def test_one_view_is_known_though_a_bit_or_some_noise_differs():
         assert apart(left, shifted_pair(120, 200, moved)[1]) > _core.displacement_of_one_view
 
 
+def test_stripes_that_both_views_show_are_one_view():
+    """Nothing changes along the rows, so nothing tells how far apart the views are."""
+    stripes = np.repeat((np.arange(240) // 5 * 37 % 200).astype(np.uint8)[:, None, None], 320, axis=1).repeat(3, axis=2)
+    other = np.ascontiguousarray(stripes)
+    other[0, 0] ^= 1
+    views = np.ascontiguousarray(stripes), other
+    assert _core.displacement_of_frames(*views) == view_measures.displacement_of_frames(*views) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     "shape", [(120, 200), (90, 960, 3), (150, 1500, 3), (160, 1920, 3), (240, 3000, 3), (300, 3900, 3)]
 )

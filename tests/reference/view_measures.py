@@ -218,6 +218,8 @@ def _compared(left: np.ndarray, right: np.ndarray) -> tuple[float, float]:
         noises.append(min(np.mean(mixed**2) / 36, 0.3 * variance))
     gain = together / (varies[0] - noises[0])
     differs = max(0.0, varies[1] - noises[1] - gain * together)
+    if differs == 0:
+        return max(varies), 0.0
     steep = np.mean(((left[:, 2:] - left[:, :-2]) / 2) ** 2)
     return max(varies), differs / (gain**2 * max(steep - noises[0] / 2, 0.1 * steep))
 

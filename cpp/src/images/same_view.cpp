@@ -155,6 +155,7 @@ Compared compare(const Tile& left, const Tile& right) {
   const float right_noise = std::min(noise_of(right), most_noise * varies_right);
   const float gain = together / (varies - left_noise);
   const float differs = std::max(0.0f, varies_right - right_noise - gain * together);
+  if (differs == 0.0f) return {most, 0.0f};  // also where nothing changes along the rows
   const float steep = steepness_of(left);
   return {most, differs / (gain * gain * std::max(steep - 0.5f * left_noise, 0.1f * steep))};
 }
