@@ -146,7 +146,7 @@ def compile_old_runtime(place: Path) -> None:
     subprocess.run(command, input=OLD_RUNTIME, text=True, check=True)
 
 
-@pytest.mark.parametrize("place", ["variable", "beside the library", "active environment"])
+@pytest.mark.parametrize("place", ["variable", "beside the library", "beside one in acme[2]", "active environment"])
 def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path, place):
     write_pair(tmp_path, 48, 64, 5)
     runtime = c.runtime_library()
@@ -160,8 +160,14 @@ def test_the_runtime_is_found_where_the_page_says(examples, installed, tmp_path,
         packages.mkdir(parents=True)
         (packages / "onnxruntime").symlink_to(runtime.parents[1])
         variables["VIRTUAL_ENV"] = str(tmp_path / "venv")
-    else:
+    elif place == "beside the library":
         beside.symlink_to(runtime)
+    else:
+        folder = tmp_path / "acme[2]"
+        folder.mkdir()
+        shutil.copy(installed.library, folder)
+        (folder / runtime.name).symlink_to(runtime)
+        variables["LD_LIBRARY_PATH"] = str(folder)
     files = [str(tmp_path / name) for name in ("left.ppm", "right.ppm", "depth.pgm")]
     try:
         subprocess.run([examples / "depth_cli", TINY_MODEL, *files], env=variables, check=True, capture_output=True)

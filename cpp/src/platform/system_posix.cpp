@@ -43,6 +43,16 @@ constexpr const char* runtime_names[] = {"libonnxruntime.so.1", "libonnxruntime.
 constexpr const char* crypto_names[] = {"libcrypto.so.3", "libcrypto.so.1.1"};
 #endif
 
+// A folder's name as a pattern for itself.
+std::string escaped(const std::string& folder) {
+  std::string pattern;
+  for (const char letter : folder) {
+    if (std::strchr("*?[\\", letter) != nullptr) pattern += '\\';
+    pattern += letter;
+  }
+  return pattern;
+}
+
 void add_matches(const std::string& pattern, std::vector<std::string>& paths) {
   glob_t found{};
   if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
@@ -98,9 +108,9 @@ std::string file_of(const void* address) {
 
 std::vector<std::string> runtime_places(const std::string& own_folder) {
   std::vector<std::string> paths;
-  if (!own_folder.empty()) add_matches(own_folder + runtime_pattern, paths);
+  if (!own_folder.empty()) add_matches(escaped(own_folder) + runtime_pattern, paths);
   if (const auto environment = trusted_environment("VIRTUAL_ENV")) {
-    add_matches(*environment + "/lib/python3.*/site-packages/onnxruntime/capi" + runtime_pattern, paths);
+    add_matches(escaped(*environment) + "/lib/python3.*/site-packages/onnxruntime/capi" + runtime_pattern, paths);
   }
   paths.insert(paths.end(), std::begin(runtime_names), std::end(runtime_names));
   return paths;
