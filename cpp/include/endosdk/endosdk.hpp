@@ -157,10 +157,14 @@ class Estimator {
   std::string diagnostics() const {
     size_t needed = 0;
     check(endo_get_diagnostics(get(), nullptr, 0, &needed));
-    std::string text(needed + 64, '\0');  // counters may grow by some digits between the two calls
-    check(endo_get_diagnostics(get(), &text[0], text.size(), &needed));
-    text.resize(needed - 1);
-    return text;
+    for (;;) {
+      std::string text(needed, '\0');
+      const endo_status status = endo_get_diagnostics(get(), &text[0], text.size(), &needed);
+      if (needed > text.size()) continue;  // a frame has ended between the two calls, and the text has grown
+      check(status);
+      text.resize(needed - 1);
+      return text;
+    }
   }
 
   endo_estimator* get() const noexcept { return handle_.get(); }
