@@ -73,9 +73,9 @@ def test_impossible_sizes_are_refused(change: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("factor", [0.001, 1000.0])
 def test_a_rig_in_another_unit_is_refused(factor: float) -> None:
-    with pytest.raises(InvalidCalibration, match=r"baseline: must be 0\.5 to 500 mm"):
+    with pytest.raises(InvalidCalibration, match=r"baseline: must be 0\.5 to 1000 mm"):
         StereoCalibration(**rig_fields(translation=np.array([-4.6, 0.1, 0.3]) * factor))
-    with pytest.raises(InvalidCalibration, match=r"baseline: must be 0\.5 to 500 mm"):
+    with pytest.raises(InvalidCalibration, match=r"baseline: must be 0\.5 to 1000 mm"):
         StereoCalibration.rectified(focal_px=400, baseline_mm=5 * factor, size=(960, 720))
 
 

@@ -159,7 +159,7 @@ def native(tmp_path: Path, baseline_mm: float) -> Path:
 
 @pytest.mark.parametrize("baseline_mm", [0.0045, 4500.0])
 def test_our_own_file_obeys_the_rule_of_plausible_baselines(tmp_path: Path, baseline_mm: float) -> None:
-    rule = r"rig\.json: baseline: must be 0\.5 to 500 mm, read in mm; pass units="
+    rule = r"rig\.json: baseline: must be 0\.5 to 1000 mm, read in mm; pass units="
     with pytest.raises(InvalidCalibration, match=rule):
         StereoCalibration.load(native(tmp_path, baseline_mm))
     assert StereoCalibration.load(native(tmp_path, 4.5)).baseline_mm == 4.5

@@ -10,8 +10,9 @@ namespace endosdk {
 // Whether a field of view is stated: middle x, y and half axes along x and y, px; all 0 where it is not.
 bool states_field(const double* field);
 
-// mm. No stereo endoscope and no bench rig used to test one lies outside; a metre taken for a millimetre does.
-constexpr std::array<double, 2> plausible_baseline_mm = {0.5, 500.0};
+// mm. No stereo endoscope lies outside, nor a rig used to test one, nor that of a car (540 mm); a metre taken for a millimetre
+// does.
+constexpr std::array<double, 2> plausible_baseline_mm = {0.5, 1000.0};
 
 // Refuses numbers that only a mistaken unit explains.
 void check_plausible_baseline(const endo_calibration& rig);
