@@ -235,7 +235,7 @@ def test_a_full_disk_leaves_nothing_half_written(
     room(100)
     assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
     assert "out: the folder must be writable" in capsys.readouterr().err
-    assert not list(out.iterdir())
+    assert {path.name for path in out.iterdir()} == {LOCK}
     room(2000)
     assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
     assert "out: must be writable" in capsys.readouterr().err
@@ -313,10 +313,17 @@ def _runs(pid: int) -> bool:
 
 def test_two_runs_do_not_write_one_set(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = Path(shutil.copytree(whole, tmp_path / "set"))
+    video = out / ".partial-train-003000000.mp4"  # as the first run has it while it writes a film
+    video.write_bytes(b"half")
+    recipe = (out / "recipe.json").read_bytes()
     with locked_folder(out, "out"):
-        assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
-    assert "out: must not be in use by another process" in capsys.readouterr().err
+        for pairs in ("2", "3"):
+            assert simulate(out, "--pairs", pairs, "--test-pairs", "1") == 2
+            assert "out: must not be in use by another process" in capsys.readouterr().err
+        assert video.read_bytes() == b"half"
+        assert (out / "recipe.json").read_bytes() == recipe
     assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 0
+    assert not video.exists()
 
 
 def test_no_worker_is_refused(tmp_path: Path) -> None:

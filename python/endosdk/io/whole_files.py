@@ -109,7 +109,10 @@ def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
 
 
 def remove_partials(folder: Path) -> None:
-    """Remove what killed processes left in ``folder``, and nothing that is in work. Raises `StorageFailed`."""
+    """Remove what killed processes left in ``folder``, and no folder that is in work. Raises `StorageFailed`.
+
+    Of a file nobody sees whether it is in work: a caller that is not alone there locks the folder first.
+    """
     try:
         for left_over in folder.glob(f"{PARTIAL}*"):
             if not is_held(left_over):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,10 @@ from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, read_record
 from endosdk.datasets.sample_hash import hash_sample
 from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
-from endosdk.io.locks import locked_folder
+from endosdk.io.locks import LOCK, locked_folder
 from endosdk.io.progress import progress as progress_bar
 from endosdk.io.resumable_folder import claim_folder
-from endosdk.io.whole_files import write_text
+from endosdk.io.whole_files import PARTIAL, write_text
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.render_processes import render_apart, render_here, render_on_ray
 from endosdk.simulation.sample import GENERATOR_VERSION
@@ -47,8 +48,9 @@ def generate(
     missing = [task for task in recipe.tasks() if not job.is_done(task)]
     if missing:
         job.check()
-    _claim(job.root, recipe)  # first, so that a folder of something else stays as it is
+    _check_place(job.root)
     with locked_folder(job.root, "out"):
+        _claim(job.root, recipe)  # not before: what it removes and writes may be in use by another run
         _check_finished(job.root)
         if missing:
             (job.root / "dataset.json").unlink(missing_ok=True)
@@ -56,6 +58,14 @@ def generate(
         record = _record(job)
         write_dataset_record(job.root, record)
         return record
+
+
+def _check_place(root: Path) -> None:
+    """Refuse a folder of something else, which not even a lock may change."""
+    with suppress(OSError):  # of a folder that is not there, or that the lock names as one that cannot be written
+        names = {path.name for path in root.iterdir()}
+        if RECIPE not in names and not all(name == LOCK or name.startswith(PARTIAL) for name in names):
+            raise InvalidArgument("out", "must be an empty or new folder, or one begun by this command", root)
 
 
 def _claim(root: Path, recipe: Recipe) -> None:
