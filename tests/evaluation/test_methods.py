@@ -9,7 +9,7 @@ from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.datasets.writer import write_dataset_record, write_sample
-from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method
+from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method, write_worst
 from endosdk.io.pictures import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair
 from tests.datasets.test_layouts import as_16bit, save, save_pfm, write_middlebury
@@ -34,10 +34,11 @@ def planes(tmp_path_factory):
     return root
 
 
-def test_measures_of_a_method_that_is_one_pixel_off(planes):
-    def off_by_one(sample):
-        return Answer(sample.disparity + 1, milliseconds=5.0)
+def off_by_one(sample):
+    return Answer(sample.disparity + 1, milliseconds=5.0)
 
+
+def test_measures_of_a_method_that_is_one_pixel_off(planes):
     scores = evaluate(off_by_one, open_dataset(planes, "test"))
     assert scores["pairs"] == 3
     assert scores["all"]["epe_px"] == pytest.approx(1.0)
@@ -116,6 +117,18 @@ def test_command_prints_and_writes(planes, tmp_path, capsys):
     height, width = sample.left.shape[:2]
     assert shown.shape[0] > 2 * height and shown.shape[1] > 2 * width
     assert np.array_equal(shown[34 : 34 + height, 12 : 12 + width], sample.left)
+
+
+def test_worst_pairs_of_an_earlier_evaluation_go_and_nothing_else(planes, tmp_path):
+    folder = tmp_path / "worst"
+    folder.mkdir()
+    for name in ("07_of-another-set.png", "notes.png", "07_of-another-set.txt", "123_figure.png"):
+        (folder / name).write_text("")
+    reader = open_dataset(planes, "test")
+    written = write_worst(off_by_one, reader, evaluate(off_by_one, reader), folder)
+    assert len(written) == len(SHIFTS)
+    kept = {"notes.png", "07_of-another-set.txt", "123_figure.png"}
+    assert {path.name for path in folder.iterdir()} == {path.name for path in written} | kept
 
 
 def test_record_repeats_the_run_and_names_the_model(planes, tmp_path):

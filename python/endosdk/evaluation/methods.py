@@ -93,10 +93,15 @@ def evaluate(method: Method, reader: DatasetReader, pairs: int | None = None) ->
 
 
 def write_worst(method: Method, reader: DatasetReader, scores: dict[str, Any], folder: Path) -> list[Path]:
-    """Draw the worst pairs of ``scores``, which `evaluate` returned for this method and reader; return the files."""
+    """Draw the worst pairs of ``scores``, which `evaluate` returned for this method and reader; return the files.
+
+    Those of an earlier evaluation, which may be of other pairs, are removed from ``folder``.
+    """
     written = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for earlier in folder.glob("[0-9][0-9]_*.png"):
+            earlier.unlink()
     except OSError as error:
         raise StorageFailed("out", "the folder must be writable", error) from error
     for rank, entry in enumerate(scores["worst"], start=1):
