@@ -12,7 +12,7 @@ from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.evaluation.methods import Answer, estimator_method, evaluate, sgbm_method, write_worst
 from endosdk.io.pictures import read_frame
 from tests.conftest import TINY_MODEL, shifted_pair
-from tests.datasets.test_layouts import as_16bit, save, save_pfm, write_middlebury
+from tests.datasets.test_layouts import as_16bit, save, save_pfm, write_kitti, write_middlebury
 
 SHIFTS = (6, 12, 18)
 
@@ -232,6 +232,22 @@ def test_command_reads_a_public_layout_and_its_own_split(tmp_path, capsys):
     assert "must be wider than 80 px" in capsys.readouterr().err
     assert main(["evaluate", "--model", "sgbm", "--layout", "kitti", "--data", str(tmp_path / "set")]) == 2
     assert "must hold samples in the layout kitti, split train" in capsys.readouterr().err
+
+
+def test_an_estimator_takes_the_camera_of_kitti(tmp_path):
+    """The cameras of the car stand half a metre apart."""
+    write_kitti(tmp_path, "2015")
+    base, name, shift = tmp_path / "training", "000003_10.png", 20
+    left, right = shifted_pair(375, 1242, shift)
+    save(base / "image_2" / name, left)
+    save(base / "image_3" / name, right)
+    for truth in ("disp_occ_0", "disp_noc_0"):
+        save(base / truth / name, as_16bit(np.full((375, 1242), shift, np.float32)))
+    reader = open_dataset(tmp_path, "train", layout="kitti")
+    assert (reader[0].focal_px, reader[0].baseline_mm) == (721.5, pytest.approx(532.71, abs=0.01))
+    scores = evaluate(estimator_method(str(TINY_MODEL)), reader)
+    assert scores["all"]["coverage"] == 1.0
+    assert scores["all"]["depth_mae_mm"] > 0
 
 
 def test_perfect_pair_ranks_last_and_silent_pair_first(planes):
