@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from endosdk.calibration.board import (
 from endosdk.calibration.boards import Board, BoardView, find_view
 from endosdk.calibration.parameter_errors import NAMES
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.errors import InvalidArgument
+from endosdk.errors import InvalidArgument, InvalidCalibration
 from tests.rigs import fisheye_rig, raw_rig, rotation
 
 PATTERN, SQUARE = (9, 6), 3.0
@@ -49,9 +50,12 @@ def pixels(rig: StereoCalibration, camera: str, points: np.ndarray) -> np.ndarra
     return project(points.reshape(-1, 1, 3), *arguments)[0].reshape(-1, 2)
 
 
-def corners_of(rig: StereoCalibration) -> tuple[list[np.ndarray], list[np.ndarray]]:
+Poses = Sequence[tuple[tuple[float, float, float], tuple[float, float, float]]]
+
+
+def corners_of(rig: StereoCalibration, poses: Poses = POSES) -> tuple[list[np.ndarray], list[np.ndarray]]:
     left, right = [], []
-    for turn, place in POSES:
+    for turn, place in poses:
         seen = board_points() @ rotation(*turn).T + np.array(place)
         left.append(pixels(rig, "left", seen))
         right.append(pixels(rig, "right", seen @ rig.rotation.T + rig.translation))
@@ -106,6 +110,30 @@ def test_corners_of_a_drawn_board_are_found() -> None:
     gaps = np.linalg.norm(corners[:, None] - (expected * side + 29.5), axis=2)
     assert gaps.min(axis=0).max() < 0.5 and len(corners) == columns * rows
     assert find_corners(np.full((200, 200, 3), 128, np.uint8), (columns, rows)) is None
+
+
+@pytest.mark.parametrize(
+    "poses",
+    [
+        [((0.0, 0.0, 0.0), (-14.0 + i, -8.0, 60.0)) for i in range(6)],
+        [((0.0, 0.0, 0.2 * i), (-14.0 + i, -8.0, 60.0)) for i in range(6)],
+        6 * [POSES[0]],
+        6 * [POSES[1]],
+    ],
+    ids=["frontal", "turned in its plane", "copies", "copies of a tilted one"],
+)
+@pytest.mark.parametrize("seed", range(6))
+def test_a_board_that_was_not_tilted_is_called_that(poses: Poses, seed: int) -> None:
+    rig, rng = plain_rig(), np.random.default_rng(seed)
+    left, right = ([one + rng.normal(0, 0.1, one.shape) for one in side] for side in corners_of(rig, poses))
+    with pytest.raises(InvalidArgument, match=r"pairs: must show enough .*: tilt the board more.*; got 6 that"):
+        calibrate_board(left, right, PATTERN, SQUARE, (rig.width, rig.height))
+
+
+def test_swapped_cameras_are_called_that() -> None:
+    left, right = corners_of(plain_rig())
+    with pytest.raises(InvalidCalibration, match="the cameras are swapped"):
+        calibrate_board(right, left, PATTERN, SQUARE, (640, 480))
 
 
 @pytest.mark.parametrize(("count", "square"), [(2, SQUARE), (4, 0.0), (4, -1.0), (4, float("nan"))])

@@ -153,6 +153,22 @@ def test_every_cause_of_frames_left_out_is_told_and_counted(
     assert f"pairs       {count} used, {2 * count} left out" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_folders_of_a_board_that_is_tilted_one_way_only_get_advice(
+    rig: StereoCalibration, tmp_path: Path, capsys: pytest.CaptureFixture[str], both_ways: bool
+) -> None:
+    for i, (across, down) in enumerate([(0, 0), (0, 1), (0, -1), (1, 0), (-1, 0)]):
+        turn = (0.4 * across if both_ways else 0.0, 0.4 * down, 0.0)
+        for side, view in zip(
+            ("left", "right"), shown(CHESSBOARD, rig, (turn, (2 * i - 4, 3 - i, 58 + 2 * i))), strict=True
+        ):
+            (tmp_path / side).mkdir(exist_ok=True)
+            cv2.imwrite(str(tmp_path / side / f"{i}.png"), view)
+    words = ["calibrate", "board", str(tmp_path), "--pattern", "9x6", "--square-mm", "3"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 0
+    assert ("advice      tilt the board more, both ways" in capsys.readouterr().err) is not both_ways
+
+
 def test_the_page_says_all_and_asks_nothing_of_others(rig: StereoCalibration, pictures: list[list[np.ndarray]]) -> None:
     result = calibrate_views(found_views(CHESSBOARD, pictures), (rig.width, rig.height))
     left_out = [LeftOut("<b>07</b>", "no whole board"), LeftOut("8 frames", "moving", 8)]

@@ -12,7 +12,8 @@ from endosdk.calibration.boards import Board, BoardView, Picture, same_order
 from endosdk.calibration.parameter_errors import ParameterErrors, parameter_errors
 from endosdk.calibration.rectified_points import rectify_points, row_correlation
 from endosdk.calibration.rig import StereoCalibration
-from endosdk.errors import InvalidArgument
+from endosdk.calibration.view_collector import LEAST_TILT
+from endosdk.errors import EndoError, InvalidArgument
 
 __all__ = [
     "BoardCalibration",
@@ -28,6 +29,7 @@ Points = npt.NDArray[np.float64]
 
 # Three poses are the least that fix focal length and principal point; with fewer the solution is arbitrary.
 MIN_PAIRS = 3
+TILT_ADVICE = "tilt the board more, both ways: its left side nearer, then its right side, its top, its bottom"
 STEPS, CHANGE = 100, 1e-7
 # A view is refused whose error is so many times that of the view in the middle, and at least so many px.
 OUTLYING, LEAST_OUTLYING_PX = 3.0, 0.5
@@ -80,8 +82,42 @@ def calibrate_board(
 def calibrate_views(views: Sequence[BoardView], size: tuple[int, int], *, refuse: bool = True) -> BoardCalibration:
     """Calibrate from views of a board in pictures of ``size`` (width, height).
 
-    With ``refuse``, the view that fits worst is left out, and the rest solved again, until none stands out.
+    With ``refuse``, the view that fits worst is left out, and the rest solved again, until none stands out. Raises
+    InvalidArgument where the views are too few or too much alike, InvalidCalibration where they show what is no stereo
+    rig, such as swapped cameras.
     """
+    import cv2
+
+    if len(views) < MIN_PAIRS:
+        raise InvalidArgument("pairs", f"must be at least {MIN_PAIRS} that show the board", len(views))
+    try:
+        return _calibrated(views, size, refuse)
+    except (cv2.error, np.linalg.LinAlgError, EndoError) as error:
+        # Of views that are alike the fit is arbitrary: what is wrong with the rig that it finds would mislead.
+        if isinstance(error, EndoError) and are_tilted(views):
+            raise
+        rule = f"must show enough to calibrate from: {TILT_ADVICE}; show it near and far, all over the picture"
+        raise InvalidArgument("pairs", rule, f"{len(views)} that do not") from error
+
+
+def are_tilted(views: Sequence[BoardView]) -> bool:
+    """Tell whether the views show a board tilted both ways, without which the focal length is not known."""
+    return float(np.ptp([_tilt(view) for view in views], axis=0).min()) >= LEAST_TILT
+
+
+def _tilt(view: BoardView) -> Points:
+    """Return how much farther one end of the board is than the other, along its rows and columns, as logarithms."""
+    import cv2
+
+    places = view.board[:, :2]
+    plane = np.asarray(cv2.findHomography(places, view.left)[0])
+    low, middle, high = places.min(axis=0), places.mean(axis=0), places.max(axis=0)
+    ends = np.array([[low[0], middle[1]], [high[0], middle[1]], [middle[0], low[1]], [middle[0], high[1]]])
+    depth = np.log(ends @ plane[2, :2] + plane[2, 2])
+    return np.array([depth[1] - depth[0], depth[3] - depth[2]])
+
+
+def _calibrated(views: Sequence[BoardView], size: tuple[int, int], refuse: bool) -> BoardCalibration:
     used, refused = list(views), {}
     while True:
         fit = _solve(used, size)
@@ -112,8 +148,6 @@ def _solve(views: Sequence[BoardView], size: tuple[int, int]) -> _Fit:
     """
     import cv2
 
-    if len(views) < MIN_PAIRS:
-        raise InvalidArgument("pairs", f"must be at least {MIN_PAIRS} that show the board", len(views))
     board, a, b = (
         [np.asarray(getattr(view, part), np.float32)[:, None] for view in views] for part in ("board", "left", "right")
     )

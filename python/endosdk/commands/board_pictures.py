@@ -64,7 +64,7 @@ def named_board(args: argparse.Namespace) -> Board:
 
 def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardCalibration, list[LeftOut]]:
     """Return the calibration, and the views that were left out."""
-    from endosdk.calibration.board import calibrate_views
+    from endosdk.calibration.board import TILT_ADVICE, are_tilted, calibrate_views
     from endosdk.calibration.board_page import LeftOut
     from endosdk.live.sources.words import two_folders
 
@@ -77,6 +77,8 @@ def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardC
     )
     _say_left_out(left_out)
     result = calibrate_views(views, size)
+    if folders and not are_tilted(views):  # of a film it is said meanwhile
+        print(f"advice      {TILT_ADVICE}", file=sys.stderr)
     refused = [LeftOut(name, reason) for name, reason in result.refused.items()]
     _say_left_out(refused)
     left_out += refused
