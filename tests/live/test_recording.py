@@ -228,6 +228,59 @@ def test_a_recording_that_was_killed_goes_on(video, tmp_path):
     check(out)
 
 
+KILLED_IN_THE_END = """
+import os, pathlib, shutil, sys
+import endosdk
+from endosdk.live.recording import recorder, record
+recorder.PART_FRAMES = 2
+save, remove = recorder.Recorder._save, shutil.rmtree
+
+def killed_before_it_is_complete(recorder):
+    if recorder.complete:
+        os._exit(9)
+    save(recorder)
+
+def killed_after_one_part(path, **options):
+    remove(min(path.iterdir()) if path.name == "parts" else path, **options)
+    if path.name == "parts":
+        os._exit(9)
+
+when, video, out, rig, model, most = sys.argv[1:]
+if when == "before it is complete":
+    recorder.Recorder._save = killed_before_it_is_complete
+else:
+    shutil.rmtree = killed_after_one_part
+estimator = endosdk.DepthEstimator(model, calibration=endosdk.StereoCalibration.load(rig), threads=1)
+record.record(endosdk.open_source(video), estimator, pathlib.Path(out), most=int(most))
+"""
+
+
+def killed_in_the_end(when, video, out, most):
+    RIG.save(out.with_name("rig.json"))
+    words = [when, str(video), str(out), str(out.with_name("rig.json")), str(TINY_MODEL), str(most)]
+    assert subprocess.run([sys.executable, "-c", KILLED_IN_THE_END, *words], check=False).returncode == 9
+
+
+def test_a_recording_whose_parts_are_not_all_removed_is_whole(video, tmp_path):
+    out = tmp_path / "r"
+    killed_in_the_end("after one part", video, out, COUNT)
+    assert len(list((out / "parts").iterdir())) == COUNT // 2 - 1
+    check(out)
+    assert main(["replay", str(out), "--out", str(tmp_path / "f.mkv")]) == 0
+    check(tmp_path / "f.mkv")
+    record(endosdk.open_source(video), estimator(), out, most=COUNT)
+    assert not (out / "parts").exists()
+    check(out)
+
+
+def test_a_recording_that_is_joined_and_not_complete_goes_on(video, tmp_path):
+    out = tmp_path / "r"
+    killed_in_the_end("before it is complete", video, out, 3)
+    assert [frame.number for frame in Recording(out)] == [0, 1, 2]
+    record(endosdk.open_source(video), estimator(), out)
+    check(out)
+
+
 @pytest.fixture
 def interruptible():
     """A shell starts what runs in its background with interrupts ignored: not so here."""

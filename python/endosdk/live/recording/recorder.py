@@ -18,7 +18,7 @@ from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json
 from endosdk.io.locks import locked_folder
 from endosdk.io.resumable_folder import claim_folder
-from endosdk.io.whole_files import whole_folder, write_text
+from endosdk.io.whole_files import whole_folder, whole_path, write_text
 from endosdk.live.frames import Frame
 from endosdk.live.recording.interrupts import interrupts_deferred
 from endosdk.live.recording.sixteen_bits import STEPS, described, quantity_of, shares_of, to_levels
@@ -54,7 +54,11 @@ class Recorder:
         with ExitStack() as hold:
             hold.enter_context(locked_folder(out, "out"))
             self._record = _claimed(out, self._settings)
-            if not self.complete:
+            if self.complete:
+                shutil.rmtree(out / PARTS, ignore_errors=True)  # left over where the last moment was cut short
+            else:
+                # Joined, and stopped before the record said so: all parts are there, and more may follow them.
+                (out / LINES).unlink(missing_ok=True)
                 (out / PARTS).mkdir(exist_ok=True)
             done = lines_in(out)
             self.next_number = done[-1]["number"] + 1 if done else 0
@@ -167,11 +171,13 @@ class Recorder:
         parts = sorted((self.out / PARTS).iterdir())
         for kind in ("depth", "preview", *(["pair"] if self._pictures else [])):
             ending, container = (".mp4", "mp4") if kind == "preview" else (".mkv", "matroska")
-            join([part / f"{kind}.mkv" for part in parts], self.out / f"{kind}{ending}", container)
+            with whole_path(self.out / f"{kind}{ending}", "out") as partial:  # on the disk before the parts are removed
+                join([part / f"{kind}.mkv" for part in parts], partial, container)
         write_text(self.out / LINES, "\n".join(lines_of(self.out)) + "\n", "out")
         self._record["complete"] = True
-        self._save()
-        shutil.rmtree(self.out / PARTS)
+        with interrupts_deferred():
+            self._save()
+            shutil.rmtree(self.out / PARTS, ignore_errors=True)  # what is left of them does not count
 
     def _save(self) -> None:
         write_text(self.out / RECORD, json.dumps(self._record, indent=1) + "\n", "out")

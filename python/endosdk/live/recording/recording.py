@@ -15,7 +15,7 @@ from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.io.bounded_read import Refused
 from endosdk.live.frames import Frame
 from endosdk.live.recording.sixteen_bits import from_levels
-from endosdk.live.recording.texts import LINES, PARTS, RECORD, parse_line, parse_record, texts_of
+from endosdk.live.recording.texts import LINES, PARTS, RECORD, is_joined, parse_line, parse_record, texts_of
 from endosdk.live.sources.decoder import load_av
 from endosdk.live.sources.source import DEFAULT_OPTIONS, Source, SourceOptions, log
 from endosdk.live.sources.views import split
@@ -127,6 +127,6 @@ def files_of(path: Path, kind: str) -> list[Path]:
     """Return the video files of one kind, in order: one, or one of each part."""
     if path.is_file():
         return [path]
-    if (path / PARTS).is_dir():
-        return [part / f"{kind}.mkv" for part in sorted((path / PARTS).iterdir())]
-    return [path / ("preview.mp4" if kind == "preview" else f"{kind}.mkv")]
+    if is_joined(path):
+        return [path / ("preview.mp4" if kind == "preview" else f"{kind}.mkv")]
+    return [part / f"{kind}.mkv" for part in sorted((path / PARTS).glob("*"))]

@@ -24,10 +24,15 @@ def texts_of(folder: Path) -> tuple[str, list[str]]:
     return _text(folder / RECORD, LARGEST_RECORD), lines_of(folder)
 
 
+def is_joined(folder: Path) -> bool:
+    """Whether there is one file of each kind: the lines are written last of them. Parts beside them do not count."""
+    return (folder / LINES).is_file()
+
+
 def lines_of(folder: Path) -> list[str]:
     """Return the lines of a recording in a folder, finished or not. Raises `Refused`."""
-    whole = folder / LINES
-    files = [whole] if whole.is_file() else [part / LINES for part in sorted((folder / PARTS).glob("*"))]
+    joined = is_joined(folder)
+    files = [folder / LINES] if joined else [part / LINES for part in sorted((folder / PARTS).glob("*"))]
     return [line for file in files for line in _text(file, LARGEST_LINES).splitlines()]
 
 
