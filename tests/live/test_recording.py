@@ -281,6 +281,14 @@ def test_a_recording_that_is_joined_and_not_complete_goes_on(video, tmp_path):
     check(out)
 
 
+def test_a_recording_can_be_swapped_and_tagged_like_every_source(recorded):
+    for queue in ("every", "newest"):
+        frames = list(endosdk.open_source(recorded, swap=True, queue=queue).tagged(lambda frame: frame.number))
+        assert np.array_equal(frames[-1].left, PAIRS[-1][1])
+        assert np.array_equal(frames[-1].right, PAIRS[-1][0])
+        assert frames[-1].tag == COUNT - 1
+
+
 @pytest.fixture
 def interruptible():
     """A shell starts what runs in its background with interrupts ignored: not so here."""

@@ -27,8 +27,8 @@ TRACKS = ("preview", "depth", "pair")  # of a recording in one Matroska file: pl
 class Recording(Source):
     """A recording of ``endosdk run``, a folder or a Matroska file, as a source.
 
-    Frames, numbers, stamps and tags are as they came. One that was not finished gives what is there. ``lines`` has one
-    entry a frame, ``calibration`` is the rig.
+    Frames, numbers, stamps and tags are as they came, unless ``swap`` or `tagged` asks for others. One that was not
+    finished gives what is there. ``lines`` has one entry a frame, ``calibration`` is the rig.
     """
 
     def __init__(self, path: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> None:
@@ -70,8 +70,9 @@ class Recording(Source):
             yield line, from_levels(levels, step)
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield the frames whose number is ``start`` or more, exactly as they were recorded."""
-        return self._read(start)
+        """Yield the frames whose number is ``start`` or more, with stamps and faults exactly as they were recorded."""
+        for frame in self._read(start):
+            yield self._as_asked(frame)
 
     def _read(self, start: int) -> Iterator[Frame]:
         if not self.settings["pictures"]:

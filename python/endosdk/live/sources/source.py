@@ -104,12 +104,15 @@ class Source(ABC):
                 self.note(f"frame {frame.number}: {fault}")
                 fault = _joined(frame.fault, fault)
             taken = frame.monotonic_ns or self._taken(stamp)
-            frame = replace(frame, stamp_ns=stamp, fault=fault or frame.fault, monotonic_ns=taken)
-            if self._swap:
-                frame = replace(frame, left=frame.right, right=frame.left)
-            if self._tagger is not None:
-                frame = replace(frame, tag=self._tagger(frame))
-            yield frame
+            yield self._as_asked(replace(frame, stamp_ns=stamp, fault=fault or frame.fault, monotonic_ns=taken))
+
+    def _as_asked(self, frame: Frame) -> Frame:
+        """Return a frame with its views exchanged and its tag attached, where either was asked for."""
+        if self._swap:
+            frame = replace(frame, left=frame.right, right=frame.left)
+        if self._tagger is not None:
+            frame = replace(frame, tag=self._tagger(frame))
+        return frame
 
     def _taken(self, stamp_ns: int) -> int | None:
         """Turn a live source's stamp, of the wall clock, into one of the monotonic clock, from which ages follow."""
