@@ -4,6 +4,7 @@ import io
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import av
 import cv2
@@ -165,6 +166,56 @@ def test_two_files(tmp_path):
     source = endosdk.open_source((left, right))
     check(list(source), PAIRS[:4])
     assert "ends after 4 frames" in source.faults[0]
+
+
+def damaged(path, number):
+    """Overwrite a packet of a video, so that it cannot be decoded."""
+    with av.open(str(path)) as file:
+        packet = bytes([each for each in file.demux(video=0) if each.size][number])
+    content = path.read_bytes()
+    assert content.count(packet) == 1
+    path.write_bytes(content.replace(packet, b"\xff" * len(packet)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("ending", "codec", "pixels", "tolerance"), [("mkv", "ffv1", "bgr0", 0), ("avi", "mjpeg", "yuvj420p", 8)]
+)
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("lost", [0, 2])
+def test_a_packet_that_is_lost_shifts_no_pair_of_two_files(tmp_path, ending, codec, pixels, tolerance, side, lost):
+    paths = [
+        write(tmp_path / f"{n}.{ending}", [pair[n] for pair in PAIRS], codec, pixels, options={"g": "1"})
+        for n in range(2)
+    ]
+    damaged(paths[side], lost)
+    source = endosdk.open_source(tuple(paths))
+    frames = list(source)
+    kept = [number for number in range(5) if number != lost]
+    assert [frame.number for frame in frames] == kept
+    assert [frame.stamp_ns for frame in frames] == [number * 40_000_000 for number in kept]
+    check([replace(frame, number=n) for n, frame in enumerate(frames)], [PAIRS[n] for n in kept], tolerance)
+    assert source.dropped == 1
+    other = ("right", "left")[side]
+    assert source.faults[-1] == f"the {other} picture of {lost * 40_000_000} ns has no partner"
+    assert [frame.number for frame in source.frames(3)] == [3, 4]
+
+
+def test_two_files_may_start_at_different_times(tmp_path):
+    left = write(tmp_path / "l.mkv", [pair[0] for pair in PAIRS])
+    right = write(tmp_path / "r.mkv", [pair[1] for pair in PAIRS], stamps=range(7, 12))
+    source = endosdk.open_source((left, right))
+    check(list(source))
+    assert source.faults == []
+
+
+def test_pictures_without_time_stamps_are_taken_in_turn(tmp_path):
+    left = write(tmp_path / "l.mkv", [pair[0] for pair in PAIRS], stamps=[0, 1, 2, 4, 5])
+    right = [pair[1] for pair in PAIRS]
+    right = write(tmp_path / "r.h264", right, "libx264", "yuv420p", container="h264", options={"bf": "0"})
+    source = endosdk.open_source((left, right))
+    check(list(source), tolerance=8)
+    assert source.faults == []
 
 
 @pytest.mark.parametrize(

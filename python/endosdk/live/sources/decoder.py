@@ -31,6 +31,7 @@ class Decoded(NamedTuple):
     picture: Picture
     stamp_ns: int
     fault: str | None
+    counted: bool = False  # the file has no time stamp for it: this one follows from how many came before
 
 
 def load_av() -> Any:
@@ -125,6 +126,12 @@ class Decoder:
         return self._stream.frames or None
 
     @property
+    def start_ns(self) -> int:
+        """Time of the first frame, ns, also where it cannot be decoded; 0 where the file does not say."""
+        start = self._stream.start_time
+        return 0 if start is None else round(start * self._stream.time_base * 10**9)
+
+    @property
     def end_ns(self) -> int | None:
         """Time at which the file says it ends, ns; None where it does not say."""
         duration = self._container.duration
@@ -156,7 +163,7 @@ class Decoder:
             picture = np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
             if frame.is_corrupt:
                 self._note(f"picture {number}: {DAMAGED}")
-            yield Decoded(picture, stamp, DAMAGED if frame.is_corrupt else None)
+            yield Decoded(picture, stamp, DAMAGED if frame.is_corrupt else None, frame.pts is None)
             number += 1
 
     def _frames(self) -> Iterator[Any]:

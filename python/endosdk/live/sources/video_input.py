@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
-from itertools import islice, zip_longest
 from pathlib import Path
 from typing import BinaryIO
 
@@ -50,7 +49,11 @@ class VideoFile(Source):
 
 
 class TwoVideos(Source):
-    """Two video files, one of each view, paired by the number of the frame."""
+    """Two video files, one of each view. Pictures whose time stamps differ by less than half a frame are a pair.
+
+    Each file's stamps count from its own start: some containers start at any time. Pictures without stamps are taken in
+    turn. Numbers go on over a picture whose partner is lost.
+    """
 
     def __init__(self, left: Path, right: Path, options: SourceOptions) -> None:
         super().__init__(f"{left},{right}", options)
@@ -67,16 +70,34 @@ class TwoVideos(Source):
     def _read(self, start: int) -> Iterator[Frame]:
         decoders = self._decoders()
         try:
-            pairs = zip_longest(*(decoder.pictures() for decoder in decoders))
-            for number, (left, right) in islice(enumerate(pairs), start, None):
-                if left is None or right is None:
-                    shorter = self._paths[0 if left is None else 1]
-                    self.note(f"{shorter} ends after {number} frames, the other goes on")
-                    return
-                yield paired(left, right, number)
+            half_ns = max(0.5e9 / decoder.rate for decoder in decoders)
+            ahead_ns = decoders[0].start_ns - decoders[1].start_ns
+            lefts, rights = (decoder.pictures() for decoder in decoders)
+            left, right = next(lefts, None), next(rights, None)
+            number = 0
+            while left is not None and right is not None:
+                apart_ns = left.stamp_ns - right.stamp_ns - ahead_ns
+                if left.counted or right.counted or abs(apart_ns) < half_ns:
+                    if number >= start:
+                        yield paired(left, right, number)
+                    left, right = next(lefts, None), next(rights, None)
+                elif apart_ns < 0:
+                    self._pass_over("left", left)
+                    left = next(lefts, None)
+                else:
+                    self._pass_over("right", right)
+                    right = next(rights, None)
+                number += 1
+            if left is not right:  # one of them is None
+                shorter = self._paths[0 if left is None else 1]
+                self.note(f"{shorter} ends after {number} frames, the other goes on")
         finally:
             for decoder in decoders:
                 decoder.close()
+
+    def _pass_over(self, side: str, alone: Decoded) -> None:
+        self.dropped += 1
+        self.note(f"the {side} picture of {alone.stamp_ns} ns has no partner")
 
 
 class Piped(Source):
