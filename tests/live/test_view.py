@@ -111,10 +111,56 @@ def test_the_player_pauses_steps_restarts_and_records(tmp_path):
     until(lambda: player.ended)
     assert player.latest.frame.number == 5
     turn = player.latest.turn
-    player.restart()
+    player.restart()  # ends the recording: its time cannot run backwards
     until(lambda: player.ended and player.latest.turn == turn + 6)
+    assert player.recording is None
+    assert recorded_numbers(tmp_path / "r") == [2, 3, 4, 5]
+    player.record(tmp_path / "again")  # has no frame yet, so that a restart does not end it
+    player.restart()
+    until(lambda: player.ended and player.latest.turn == turn + 12)
     player.close()
-    assert [line["number"] for line in Recording(tmp_path / "r").lines][:4] == [2, 3, 4, 5]
+    assert recorded_numbers(tmp_path / "again") == [0, 1, 2, 3, 4, 5]
+
+
+def recorded_numbers(out):
+    return [frame.number for frame in Recording(out)]
+
+
+def test_what_was_in_work_before_a_restart_is_not_recorded_after_it(tmp_path):
+    showing, going_on = threading.Event(), threading.Event()
+
+    def slow(shown):
+        if shown.frame.number == 3:
+            showing.set()
+            going_on.wait(20)
+
+    player = Player(
+        DepthEstimator(str(TINY_MODEL), threads=1),
+        endosdk.open_source(write(tmp_path / "v.mkv", side_by_side(PAIRS))),
+    )
+    player.listeners.append(slow)
+    player.start()
+    assert showing.wait(20)
+    player.restart()
+    player.record(tmp_path / "r")
+    going_on.set()
+    until(lambda: player.ended and player.latest.frame.number == 5 and player.latest.turn > 6)
+    player.close()
+    assert recorded_numbers(tmp_path / "r") == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_restart_that_succeeds_clears_the_error(tmp_path):
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS))
+    player = Player(DepthEstimator(str(TINY_MODEL), threads=1), endosdk.open_source(video))
+    away = video.rename(tmp_path / "away.mkv")
+    player.start()
+    until(lambda: player.ended)
+    assert "v.mkv" in str(player.error)
+    away.rename(video)
+    player.restart()
+    until(lambda: player.ended and player.latest is not None and player.latest.frame.number == 5)
+    assert player.error is None
+    player.close()
 
 
 def test_a_recording_that_ends_while_an_answer_is_added_has_it(tmp_path, monkeypatch):

@@ -96,10 +96,18 @@ class Player:
         self._set(playing=False)
 
     def restart(self) -> None:
-        """Begin again at the first frame, where the source can."""
-        with self._change:
-            self._restart = True
+        """Begin again at the first frame, where the source can.
+
+        A recording that has frames ends here: its time cannot run backwards. Raises what `Recorder.close` raises.
+        """
+        with self._adding:
+            over = self._recorder if self._recorder is not None and self._recorder.begun else None
+            if over is not None:
+                self._recorder = None
+            with self._change:
+                self._restart = True
         self._set(playing=True)
+        _finish(over)
 
     def record(self, out: Path | None) -> None:
         """Record every answer from now on into a new folder; None ends it. Raises what `Recorder` raises."""
@@ -110,9 +118,7 @@ class Player:
             recorder = Recorder(out, self.estimator, self.source, temporal=self._temporal)
         with self._adding:
             self._recorder, before = recorder, self._recorder
-        if before is not None:
-            with before:
-                before.close()
+        _finish(before)
 
     def close(self) -> None:
         """End the thread, the recording and the source."""
@@ -137,7 +143,7 @@ class Player:
     def _play(self) -> None:
         turn = 0
         while not self._closed:
-            self.ended, self._restart = False, False
+            self.ended, self._restart, self.error = False, False, None
             try:
                 for frame, result in answers(self.estimator, self._gated(), temporal=self._temporal):
                     turn += 1
@@ -159,7 +165,7 @@ class Player:
         for listener in self.listeners:
             listener(self.latest)
         with self._adding:
-            if self._recorder is not None:
+            if self._recorder is not None and not self._restart:  # else it was in work before the restart
                 self._add(self._recorder, frame, result)
 
     def _add(self, recorder: Recorder, frame: Frame, result: DepthResult) -> None:
@@ -189,3 +195,9 @@ class Player:
                     self._change.wait_for(lambda: self._closed or self._restart, early)
             self._drawn[frame.number] = time.perf_counter()
             yield frame
+
+
+def _finish(recorder: Recorder | None) -> None:
+    if recorder is not None:
+        with recorder:
+            recorder.close()
