@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import signal
 import struct
+import subprocess
+import sys
 import threading
 import time
 import urllib.error
 import urllib.request
 
+import aiohttp
 import numpy as np
 import pytest
 
@@ -161,6 +166,71 @@ def test_a_restart_that_succeeds_clears_the_error(tmp_path):
     until(lambda: player.ended and player.latest is not None and player.latest.frame.number == 5)
     assert player.error is None
     player.close()
+
+
+def test_the_page_is_told_of_any_error_of_a_listener(served):
+    server, player = served
+    player.listeners.append(lambda shown: 1 // 0)
+    player.start()
+    until(lambda: player.ended)
+    assert server._state()["error"] == "ZeroDivisionError: integer division or modulo by zero"
+    player.listeners.clear()
+    player.restart()
+    until(lambda: player.ended and player.latest.frame.number == 5)
+    assert server._state()["error"] is None
+
+
+TAGGED = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from endosdk.commands import view
+from endosdk.commands.cli import main
+opened = view.opened_source
+view.opened_source = lambda args: opened(args).tagged(lambda frame: 1 // 0)
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_the_page_and_the_exit_status_tell_of_any_error_of_a_tagger(tmp_path):
+    words = ["view", str(write(tmp_path / "v.mkv", side_by_side(PAIRS))), "--model", str(TINY_MODEL)]
+    words = [sys.executable, "-c", TAGGED, *words]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as command:
+        try:
+            address = command.stdout.readline().split()[1]
+            told = asyncio.run(asyncio.wait_for(told_of_an_error(address), 60))
+            time.sleep(1)  # the command looks twice a second
+            command.send_signal(signal.SIGINT)
+            assert command.wait(timeout=60) == 1
+        finally:
+            command.kill()
+        said = command.stderr.read()
+    assert told == "ZeroDivisionError: integer division or modulo by zero"
+    assert said.endswith(f"endosdk view: {told}\n")
+    assert "Traceback" in said
+
+
+async def told_of_an_error(address):
+    """Open the page's socket, which starts the player, and return the first error of it."""
+    origin = "/".join(address.split("/")[:3])
+    async with (
+        aiohttp.ClientSession(headers={"Origin": origin}) as session,
+        session.ws_connect(address + "live") as socket,
+    ):
+        while True:
+            state = (await socket.receive_json()).get("state", {})
+            if state.get("error"):
+                return state["error"]
+
+
+def test_a_file_for_rerun_needs_a_rig(tmp_path):
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS))
+    words = [sys.executable, "-m", "endosdk", "view", str(video), "--model", str(TINY_MODEL)]
+    words += ["--rerun", str(tmp_path / "v.rrd"), "--json"]
+    done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert json.loads(done.stdout)["error"]["code"] == "CALIBRATION_REQUIRED"
+    assert "rerun: needs --calibration" in done.stderr
+    assert not (tmp_path / "v.rrd").exists()
 
 
 def test_a_recording_that_ends_while_an_answer_is_added_has_it(tmp_path, monkeypatch):

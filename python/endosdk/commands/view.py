@@ -32,14 +32,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--paused", action="store_true", help="start paused")
     parser.add_argument("--recordings", type=Path, default=Path(), help="folder for recordings of the record button")
     parser.add_argument(
-        "--rerun", type=Path, metavar="FILE.rrd", help="also write a file for the Rerun viewer (default: none)"
+        "--rerun",
+        type=Path,
+        metavar="FILE.rrd",
+        help="also write a file for the Rerun viewer; needs --calibration (default: none)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C; the status is 1 where the source failed."""
+    from endosdk.errors import CalibrationRequired
     from endosdk.live.viewer import Player, Server
 
+    if args.rerun is not None and args.calibration is None:
+        raise CalibrationRequired("rerun", "needs --calibration: the file holds depth and points in mm", args.rerun)
     player = Player(made_estimator(args), opened_source(args), playing=not args.paused, temporal=args.temporal)
     if args.rerun is not None:
         player.listeners.append(rerun_writer(args.rerun, player))
@@ -55,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         nonlocal told
         if player.error is not None and player.error is not told:
             told = player.error
-            print(f"endosdk view: {told}", file=sys.stderr, flush=True)
+            print(f"endosdk view: {player.problem}", file=sys.stderr, flush=True)
 
     try:
         while True:

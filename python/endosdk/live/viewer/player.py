@@ -14,7 +14,7 @@ from endosdk.io.bounded_read import is_there
 from endosdk.live.answers import answers
 from endosdk.live.frames import Frame, Picture
 from endosdk.live.recording.recorder import Recorder
-from endosdk.live.sources.source import Source
+from endosdk.live.sources.source import Source, log
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.result import DepthResult
 from endosdk.runtime.threads import start_thread
@@ -38,7 +38,8 @@ class Player:
     """Computes depth of ``source`` as fast as it comes: a file no faster than it was taken.
 
     ``temporal`` is that of `DepthEstimator.stream`. `latest` is the newest answer. ``error`` is what ended the source
-    or a recording, ``ended`` says that there are no more frames.
+    or a recording, also what a listener or a tagger raised, None again after a restart; ``ended`` says that there are
+    no more frames.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Player:
         self.source = source
         self._temporal = temporal
         self.latest: Shown | None = None
-        self.error: EndoError | None = None
+        self.error: Exception | None = None
         self.ended = False
         self.listeners: list[Callable[[Shown], None]] = []  # called with every answer, on the player's thread
         self._change = threading.Condition()  # guards what follows, up to the answers done
@@ -80,6 +81,14 @@ class Player:
         """Where the answers are being recorded, None where they are not."""
         recorder = self._recorder
         return None if recorder is None else recorder.out
+
+    @property
+    def problem(self) -> str | None:
+        """What `error` says, for people; None where there is none."""
+        error = self.error
+        if error is None:
+            return None
+        return str(error) if isinstance(error, EndoError) else f"{type(error).__name__}: {error}"
 
     def play(self) -> None:
         """Go on."""
@@ -149,6 +158,9 @@ class Player:
                     turn += 1
                     self._show(frame, result, turn)
             except EndoError as error:
+                self.error = error
+            except Exception as error:  # listeners and taggers are the user's, and may raise anything
+                log.exception("the player ends")
                 self.error = error
             self.ended = True
             with self._change:

@@ -169,7 +169,7 @@ class Server:
         return {
             "playing": player.playing,
             "ended": player.ended,
-            "error": None if player.error is None else str(player.error),
+            "error": player.problem,
             "recording": None if recording is None else str(recording),
             "dropped": player.source.dropped,
             "faults": player.source.faults[-3:],
