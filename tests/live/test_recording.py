@@ -589,6 +589,14 @@ def test_a_damaged_recording_is_refused(recorded, tmp_path):
         endosdk.open_source(tmp_path / "x.mcap")
 
 
+def test_replay_refuses_names_that_cannot_be(recorded, tmp_path, capsys):
+    (tmp_path / "file").touch()  # the privileged may write every folder; a file can hold none
+    assert main(["replay", str(recorded), "--out", str(tmp_path / "file" / "pictures")]) == 2
+    assert "out: the folder must be writable" in capsys.readouterr().err
+    assert main(["replay", "x" * 300, "--out", str(tmp_path / "pictures")]) == 2
+    assert "must be a folder or a .mkv file that endosdk run wrote" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["depth.mp4", "depth.AVI", "depth.webm"])
 def test_a_name_of_a_video_is_no_folder(tmp_path, name):
     with pytest.raises(InvalidArgument, match=r"out: must be a folder, or end in one of \.mkv"):

@@ -55,6 +55,7 @@ def _write_pictures(recording: Recording, out: Path) -> None:
     Maps of 16 bits, in the steps of the recording, 0 where there is no value. They lie over ``left_rectified``, without
     a rig over ``left``.
     """
+    from endosdk.errors import StorageFailed
     from endosdk.io.pictures import write_picture
     from endosdk.io.whole_files import write_text
     from endosdk.live.recording.texts import LINES
@@ -65,8 +66,11 @@ def _write_pictures(recording: Recording, out: Path) -> None:
     folders = [name, *(["left", "right"] if recording.settings["pictures"] else [])]
     if rig is not None and recording.settings["pictures"]:
         folders.append(RECTIFIED)
-    for folder in folders:
-        (out / folder).mkdir(parents=True, exist_ok=True)
+    try:
+        for folder in folders:
+            (out / folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
     write_text(out / LINES, "".join(json.dumps(line) + "\n" for line in recording.lines), "out")
     if rig is not None:
         rig.save(out / "rig.json")

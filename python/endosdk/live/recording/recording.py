@@ -12,7 +12,7 @@ import numpy.typing as npt
 from endosdk.calibration.files.native import fields_of
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, SourceFailed
-from endosdk.io.bounded_read import Refused
+from endosdk.io.bounded_read import Refused, is_there
 from endosdk.live.frames import Frame
 from endosdk.live.recording.sixteen_bits import from_levels
 from endosdk.live.recording.texts import LINES, PARTS, RECORD, is_joined, parse_line, parse_record, texts_of
@@ -35,7 +35,7 @@ class Recording(Source):
         path = Path(path)
         super().__init__(str(path), options)
         rule = "must be a folder or a .mkv file that endosdk run wrote"
-        if not path.exists():
+        if not is_there(path):
             raise InvalidArgument("source", rule, f"{path}, which is not there")
         if path.is_file() and not is_recording(path):
             raise InvalidArgument("source", rule, path)
@@ -110,7 +110,7 @@ def is_recording(path: Path) -> bool:
                 return any(stream.metadata.get("filename") == RECORD for stream in file.streams.attachments)
         except av.FFmpegError:
             return False
-    return (path / RECORD).is_file()
+    return is_there(path / RECORD)
 
 
 def _attached(path: Path) -> tuple[str, list[str]]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from endosdk.errors import DependencyMissing, EndoError, InvalidArgument, SourceFailed
-from endosdk.io.bounded_read import Refused
+from endosdk.io.bounded_read import Refused, is_there
 from endosdk.io.extras import must_install
 from endosdk.io.picture_bytes import check_picture_size, decode_picture
 from endosdk.live.frames import Frame, Picture
@@ -24,7 +24,7 @@ MOST_WAITING = 50  # pictures of one side that the other has not answered
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag that this reads."""
-    return path.suffix.lower() in (".bag", ".mcap") or (path / "metadata.yaml").is_file()
+    return path.suffix.lower() in (".bag", ".mcap") or is_there(path / "metadata.yaml")
 
 
 class Bag(Source):

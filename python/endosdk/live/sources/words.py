@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument
+from endosdk.io.bounded_read import is_there
 from endosdk.io.picture_pairs import has_pictures
 from endosdk.live.recording.recording import Recording, is_recording
 from endosdk.live.sources.bag import Bag, is_bag
@@ -42,10 +43,10 @@ def two_folders(word: str | Path) -> tuple[Path, Path] | None:
 
 def _folders_of(words: list[str]) -> tuple[Path, Path] | None:
     left, right = (Path(words[0], side) for side in ("left", "right")) if len(words) == 1 else map(Path, words)
-    if left.is_dir() and right.is_dir():
+    if _is_folder(left) and _is_folder(right):
         return left, right
     folder = Path(words[0])
-    return (folder, folder) if len(words) == 1 and folder.is_dir() and has_pictures(folder) else None
+    return (folder, folder) if len(words) == 1 and _is_folder(folder) and has_pictures(folder) else None
 
 
 def _parts(word: object) -> list[str]:
@@ -53,7 +54,7 @@ def _parts(word: object) -> list[str]:
     words = [str(part) for part in word] if isinstance(word, tuple | list) else [str(word)]
     if not isinstance(word, str | Path | tuple | list) or not all(words):
         raise InvalidArgument("source", RULE, repr(word))
-    if len(words) == 1 and words[0].count(",") == 1 and not (Path(words[0]).exists() or "://" in words[0]):
+    if len(words) == 1 and words[0].count(",") == 1 and not (is_there(Path(words[0])) or "://" in words[0]):
         words = words[0].split(",")
     if len(words) > 2 or not all(words):
         raise InvalidArgument("source", RULE, repr(word))
@@ -79,11 +80,11 @@ def _opened(words: list[str], options: SourceOptions) -> Source:
         from endosdk.live.sources.v4l2 import Camera
 
         return Camera(word, options)
-    if path.exists() and is_bag(path):
+    if is_there(path) and is_bag(path):
         return Bag(path, options)
-    if path.is_dir():
+    if _is_folder(path):
         return Recording(path, options) if is_recording(path) else _opened_folder(path, options)
-    if not path.is_file():
+    if not _is_file(path):
         raise InvalidArgument("source", RULE, repr(word))
     if is_recording(path):
         return Recording(path, options)
@@ -103,7 +104,7 @@ def _opened_folder(path: Path, options: SourceOptions) -> Source:
 
 def _opened_two(words: list[str], options: SourceOptions) -> Source:
     left, right = (Path(word) for word in words)
-    if left.is_dir() and right.is_dir():
+    if _is_folder(left) and _is_folder(right):
         from endosdk.live.sources.folders import Folders
 
         return Folders(left, right, options)
@@ -111,8 +112,16 @@ def _opened_two(words: list[str], options: SourceOptions) -> Source:
         from endosdk.live.sources.v4l2 import TwoCameras
 
         return TwoCameras(words[0], words[1], options)
-    if left.is_file() and right.is_file():
+    if _is_file(left) and _is_file(right):
         from endosdk.live.sources.video_input import TwoVideos
 
         return TwoVideos(left, right, options)
     raise InvalidArgument("source", "two names must be two folders, two files or two video devices", words)
+
+
+def _is_folder(path: Path) -> bool:
+    return is_there(path) and path.is_dir()
+
+
+def _is_file(path: Path) -> bool:
+    return is_there(path) and path.is_file()
