@@ -179,6 +179,16 @@ def test_a_broken_sample_is_named(root: Path, damage: object, words: str) -> Non
     assert reader[1].id == "000000002"
 
 
+def test_a_folder_in_a_sample_is_named(root: Path) -> None:
+    inside = root / "train/000000001/.ipynb_checkpoints"
+    inside.mkdir()
+    with pytest.raises(DatasetInvalid, match=r"must hold nothing but files that can be read; got .*ipynb_checkpoints"):
+        open_dataset(root, "train")[0]
+    faults = dict(verify_dataset(root))
+    assert str(faults["train/000000001"]).startswith(f"must hold nothing but files that can be read; got {inside} (")
+    assert faults["train/000000002"] is None
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -281,7 +281,8 @@ def test_a_changed_or_missing_picture_of_a_complete_set_is_named_and_its_record_
     changed, bare = (out / "train" / f"{3 * SEED_BLOCK + k:09d}" for k in range(2))
     (changed / "left.png").write_bytes((bare / "left.png").read_bytes())
     (bare / "occlusion.png").unlink()
-    for damaged in (changed, bare):
+    (out / "test" / f"{3 * SEED_BLOCK + TEST_OFFSET:09d}" / ".ipynb_checkpoints").mkdir()
+    for damaged in (changed, bare, out / "test" / f"{3 * SEED_BLOCK + TEST_OFFSET:09d}"):
         assert simulate(out, "--pairs", "2", "--test-pairs", "1") == 2
         assert "out: a finished sample was changed; delete its folder" in capsys.readouterr().err
         assert (out / "dataset.json").read_bytes() == (whole / "dataset.json").read_bytes()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from endosdk.datasets.dataset import SPLITS, read_record
 from endosdk.datasets.sample_hash import hash_sample
+from endosdk.errors import DatasetInvalid
 
 
 def verify_dataset(root: str | Path) -> Iterator[tuple[str, str | None]]:
@@ -16,12 +17,16 @@ def verify_dataset(root: str | Path) -> Iterator[tuple[str, str | None]]:
     for split in SPLITS:
         recorded = record["samples"][split]
         for sample_id in sorted(recorded):
-            folder = root / split / sample_id
-            if not folder.is_dir():
-                yield f"{split}/{sample_id}", "missing"
-            elif hash_sample(folder) != recorded[sample_id]:
-                yield f"{split}/{sample_id}", "its bytes differ from those recorded"
-            else:
-                yield f"{split}/{sample_id}", None
+            yield f"{split}/{sample_id}", _fault(root / split / sample_id, recorded[sample_id])
         for folder in sorted(p for p in (root / split).glob("*") if p.name not in recorded):
             yield f"{split}/{folder.name}", "not in dataset.json"
+
+
+def _fault(folder: Path, recorded: str) -> str | None:
+    """Say what is wrong with a sample; None where its hash is the one ``recorded``."""
+    if not folder.is_dir():
+        return "missing"
+    try:
+        return None if hash_sample(folder) == recorded else "its bytes differ from those recorded"
+    except DatasetInvalid as error:
+        return f"{error.rule}; got {error.value}"

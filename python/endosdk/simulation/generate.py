@@ -92,8 +92,8 @@ def _check_finished(root: Path) -> None:
 def _hash(folder: Path) -> str:
     try:
         return hash_sample(folder)
-    except OSError as error:
-        raise DatasetInvalid("out", CHANGED, f"{folder}: {error!r}") from error
+    except DatasetInvalid as error:
+        raise DatasetInvalid("out", CHANGED, f"{folder}: {error.value}") from error
 
 
 def _extends(wanted: dict[str, Any], begun: dict[str, Any]) -> bool:
