@@ -197,6 +197,23 @@ def test_output_that_cannot_be_written_is_one_line_and_status_2():
     assert done.stderr == "endosdk doctor: output: must be writable; got No space left on device [STORAGE_FAILED]\n"
 
 
+@pytest.mark.parametrize("refused", [PermissionError(13, "Permission denied", "a.png"), ConnectionError("refused")])
+def test_what_the_system_refuses_is_one_line_and_status_2(refused, monkeypatch, capsys):
+    import endosdk.commands.doctor
+
+    def fail(_):
+        raise refused
+
+    monkeypatch.setattr(endosdk.commands.doctor, "run", fail)
+    assert main(["doctor", "--json"]) == 2
+    printed = capsys.readouterr()
+    said = f"the system refused a file, a folder or a connection: {refused}"
+    assert printed.err == f"endosdk doctor: {said} [STORAGE_FAILED]\n"
+    assert json.loads(printed.out)["error"] == {
+        "code": "STORAGE_FAILED", "argument": "", "rule": said, "value": str(refused)
+    }  # fmt: skip
+
+
 def test_closed_output_is_no_error():
     program = "import sys; from endosdk.commands.cli import main; sys.exit(main(['doctor']))"
     done = subprocess.run(["sh", "-c", '"$0" -c "$1" >&-', sys.executable, program], stderr=subprocess.PIPE, text=True)

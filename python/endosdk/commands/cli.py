@@ -89,10 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _drop_output()  # whoever read it has enough
             return 141
         except OSError as error:
-            if error.errno != errno.ENOSPC:
-                raise
-            _drop_output()
-            return _refuse(options, StorageFailed("output", "must be writable", error.strerror))
+            return _refuse(options, _named(error))
 
 
 def _parsed(parser: Parser, words: list[str]) -> argparse.Namespace:
@@ -160,6 +157,19 @@ class _PrintCompletion(argparse.Action):
             parser.error(f"{COMPLETION}: must be one of {', '.join(shtab.SUPPORTED_SHELLS)}; got {values}")
         print(shtab.complete(parser, values))
         parser.exit()
+
+
+def _named(error: OSError) -> StorageFailed:
+    """Name what the system refused and no command has named, be it to write the output."""
+    unwritable = error.errno == errno.ENOSPC  # where output is not buffered, nothing of it is left to flush
+    try:
+        _flush_output()
+    except OSError:
+        unwritable = True
+    if unwritable:
+        _drop_output()
+        return StorageFailed("output", "must be writable", error.strerror)
+    return StorageFailed("", f"the system refused a file, a folder or a connection: {error}", error)
 
 
 def _name(options: argparse.Namespace) -> str:
