@@ -1,10 +1,13 @@
 """Every kind of source gives the frames that went into it."""
 
 import io
+import os
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import av
 import cv2
@@ -501,6 +504,24 @@ def _until_error(source):
 def test_wrong_words_are_refused(word, options, message):
     with pytest.raises((InvalidArgument, SourceFailed), match=message):
         endosdk.open_source(word, **options)
+
+
+def test_a_folder_that_is_shut_is_told():
+    user = os.geteuid()
+    with tempfile.TemporaryDirectory() as root:  # others may not look into the folder of `tmp_path`
+        shut = Path(root) / "shut"
+        shut.mkdir(mode=0)
+        Path(root).chmod(0o711)
+        with pytest.raises(InvalidArgument):
+            endosdk.open_source(shut / "x")  # imports what others may not read
+        if user == 0:  # the privileged may read every folder
+            os.seteuid(65534)
+        try:
+            with pytest.raises(SourceFailed, match=r"source: must be readable; got .*shut \(Permission denied\)"):
+                endosdk.open_source(shut)
+        finally:
+            os.seteuid(user)
+            shut.chmod(0o700)
 
 
 def test_what_is_no_video_is_refused(tmp_path):

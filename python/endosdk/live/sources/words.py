@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.errors import InvalidArgument
+from endosdk.errors import EndoError, InvalidArgument, SourceFailed
 from endosdk.io.bounded_read import is_there
 from endosdk.io.picture_pairs import has_pictures
 from endosdk.live.recording.recording import Recording, is_recording
@@ -27,7 +27,12 @@ STREAM_RULE = (
 
 def opened(word: str | Path | tuple[str | Path, str | Path], options: SourceOptions) -> Source:
     """Return the source that ``word`` names."""
-    source = _opened(_parts(word), options)
+    try:
+        source = _opened(_parts(word), options)
+    except EndoError:
+        raise
+    except OSError as error:  # a folder that may not be read
+        raise SourceFailed("source", "must be readable", f"{word} ({error.strerror or error})") from error
     if options.queue == "newest" or (options.queue == "auto" and source.live):
         return Newest(source)
     return source
