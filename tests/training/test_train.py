@@ -1,5 +1,6 @@
 import csv
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -89,6 +90,39 @@ def test_a_resumed_run_equals_one_that_never_stopped(dataset_root, tmp_path):
         torch.testing.assert_close(weights(interrupted)[name], value, atol=1e-6, rtol=1e-5)
     logs = [(tmp_path / run / "log.csv").read_text().splitlines() for run in ("straight", "interrupted")]
     assert [line.split(",")[0] for line in logs[0]] == [line.split(",")[0] for line in logs[1]]
+
+
+@pytest.fixture
+def interruptible():
+    """A shell starts what runs in its background with interrupts ignored: not so here."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_a_step_that_is_interrupted_is_taken_whole(stop, dataset_root, tmp_path, monkeypatch):
+    config = settings(dataset_root, steps=4)
+    train(config, tmp_path / "straight")
+    losses = Run._losses
+
+    def interrupted(run, *args):
+        """When a batch has moved the norms' statistics, and no weight yet."""
+        if run.step == 2:
+            signal.raise_signal(stop)
+        return losses(run, *args)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Run, "_losses", interrupted)
+        train(config, tmp_path / "interrupted")
+    step = checkpoint.load(tmp_path / "interrupted").step
+    train(config, tmp_path / "interrupted", resume=True)
+    for name, value in weights(tmp_path / "straight").items():
+        torch.testing.assert_close(weights(tmp_path / "interrupted")[name], value, atol=1e-6, rtol=1e-5)
+    logs = [(tmp_path / run / "log.csv").read_text().splitlines() for run in ("straight", "interrupted")]
+    assert [line.split(",")[0] for line in logs[0]] == [line.split(",")[0] for line in logs[1]]
+    assert step == 3
 
 
 def test_a_run_that_stopped_early_is_not_exported(dataset_root, tmp_path):

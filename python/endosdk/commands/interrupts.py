@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from endosdk.io.interrupts import kill_answered
+
 PAUSE = 0.05  # s; long enough for a finaliser to end
 
 
@@ -26,7 +28,7 @@ class Interrupts:
 
 @contextmanager
 def interrupts_heard() -> Iterator[Interrupts]:
-    """Take SIGTERM, the signal of ``kill``, systemd and ``docker stop``, as Ctrl-C, and hear both everywhere.
+    """Take SIGTERM as Ctrl-C, and hear both everywhere.
 
     An interrupt that came while a finaliser or a callback of C ran comes again: there Python reports
     ``KeyboardInterrupt`` as an exception that it ignores, and the program goes on.
@@ -42,15 +44,9 @@ def interrupts_heard() -> Iterator[Interrupts]:
         timer.daemon = True
         timer.start()
 
-    # A host that answers the signal itself keeps its answer. Only the main thread may set one.
-    main = threading.current_thread() is threading.main_thread()
-    ours = main and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     sys.unraisablehook = interrupt_again
     try:
-        if ours:
-            signal.signal(signal.SIGTERM, interrupts.terminated)
-        yield interrupts
+        with kill_answered(interrupts.terminated):
+            yield interrupts
     finally:
-        if ours:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
         sys.unraisablehook = report

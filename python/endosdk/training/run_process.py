@@ -1,33 +1,11 @@
-"""What a run does about the process it is in: the others that torchrun started, and the signal that ends it."""
+"""What a run does about the process it is in: it joins the others that torchrun started."""
 
 from __future__ import annotations
 
 import os
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import torch
 import torch.distributed as dist
-
-
-@contextmanager
-def stop_signal() -> Iterator[None]:
-    """Let a polite kill end the run as Ctrl-C does: with a checkpoint. A host that answers it keeps its answer."""
-    main = threading.current_thread() is threading.main_thread()  # only it may set signals
-    if not main or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-
-    def stop(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 class process_group:

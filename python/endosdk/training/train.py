@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
 from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.io.interrupts import interrupts_deferred, kill_answered
 from endosdk.io.progress import progress
 from endosdk.training import checkpoint
 from endosdk.training.config import RESUMED, TrainConfig
@@ -32,7 +34,7 @@ from endosdk.training.networks.blocks import freeze_norm
 from endosdk.training.optimisers import build_optimiser
 from endosdk.training.rounding import round_to_bytes
 from endosdk.training.run_log import RunLog
-from endosdk.training.run_process import process_group, stop_signal
+from endosdk.training.run_process import process_group
 from endosdk.training.sets import JoinedReader, open_sets, split_pairs
 from endosdk.training.survey import MOST_CROPS, teach_surveyor
 from endosdk.training.upsampling import on_input_grid
@@ -55,7 +57,7 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
     ``watch`` measures of the network joins the history of validations. KeyboardInterrupt, of Ctrl-C or SIGTERM, leaves
     a checkpoint to resume.
     """
-    with process_group() as (rank, world), stop_signal():
+    with process_group() as (rank, world), kill_answered(signal.default_int_handler):
         run = Run(config, out, rank, world, resume=resume)
         run.watch = watch
         if run.nothing_left:
@@ -238,13 +240,15 @@ class Run:
         began = saved_at = time.monotonic()
         spent = self.seconds
         for batch in batches:
-            report = self._train_step(model, batch, refined)
-            self.step += 1
-            self.seconds = spent + time.monotonic() - began
-            bar.update()
-            done = self.step == last
-            if self.step % self.config.log_every == 0 or done:
-                self._log(report, bar)
+            # A checkpoint must be of whole steps: one that is cut short has moved the norms' statistics already.
+            with interrupts_deferred():
+                report = self._train_step(model, batch, refined)
+                self.step += 1
+                self.seconds = spent + time.monotonic() - began
+                bar.update()
+                done = self.step == last
+                if self.step % self.config.log_every == 0 or done:
+                    self._log(report, bar)
             if self.step % self.config.validate_every == 0 or done:
                 self._validate(refined, bar)
             if time.monotonic() - saved_at > 60.0 * self.config.checkpoint_minutes or done:

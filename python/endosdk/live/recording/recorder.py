@@ -16,11 +16,11 @@ import numpy as np
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json
+from endosdk.io.interrupts import interrupts_deferred
 from endosdk.io.locks import locked_folder
 from endosdk.io.resumable_folder import claim_folder
 from endosdk.io.whole_files import whole_folder, whole_path, write_text
 from endosdk.live.frames import Frame
-from endosdk.live.recording.interrupts import interrupts_deferred
 from endosdk.live.recording.sixteen_bits import STEPS, described, quantity_of, shares_of, to_levels
 from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
 from endosdk.live.recording.video_files import VideoWriter, join

@@ -1,14 +1,31 @@
-"""Ctrl-C and a polite kill that wait until what must not be cut short is done."""
+"""Ctrl-C and a polite kill: both heard as one, and made to wait until what must not be cut short is done."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 STOPS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def kill_answered(answer: Callable[[int, Any], object]) -> Iterator[None]:
+    """Let ``answer`` hear SIGTERM, the signal of ``kill``, systemd and ``docker stop``, which ends a process unheard.
+
+    A host that answers the signal itself keeps its answer.
+    """
+    main = threading.current_thread() is threading.main_thread()  # only it may set signals
+    if not main or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, answer)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
