@@ -148,6 +148,23 @@ def test_a_picture_that_cannot_be_read_ends_nothing(tmp_path: Path, capsys: pyte
     assert "left out    2.png, 2.png: no whole board" in error
 
 
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        *(("--views", "5"), ("--gap", "4"), ("--layout", "rows"), ("--raw", "gray:64x32")),
+        *(("--queue", "newest"), ("--scan", "progressive"), ("--rate", "30")),
+    ],
+)
+@pytest.mark.parametrize("together", [False, True])
+def test_folders_refuse_what_is_of_a_video(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, value: str, together: bool
+) -> None:
+    folders = [str(picture_folder(tmp_path / side, "1.png")) for side in ("left", "right")]
+    words = ["calibrate", "board", *([str(tmp_path)] if together else folders), "--pattern", "9x6", "--square-mm", "3"]
+    assert main([*words, "--out", str(tmp_path / "rig.json"), option, value]) == 2
+    assert f"{option[2:]}: is of a video or a camera; leave it out with folders" in capsys.readouterr().err
+
+
 def test_a_wrong_pattern_is_called_a_pattern(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     left = picture_folder(tmp_path / "l", "1.png")
     words = ["calibrate", "board", str(left), str(left), "--pattern", "9", "--square-mm", "3"]

@@ -200,6 +200,24 @@ def test_a_setting_that_would_not_count_is_refused(
     assert not (tmp_path / "set").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        (("--check", "{set}", "--pairs", "3", "--no-noise"), "check: reads a set as it is, so leave out the rest"),
+        (("--check", "{set}", "--spoil", "{set}", "--recipe", "endosim-gi"), "got --spoil, --recipe"),
+        (("--check", "{set}", "--workers", "2", "--ray"), "got --workers, --ray"),
+        (("--setup-cycles", "--textures", "photos"), "setup_cycles: installs Blender, so leave out the rest"),
+        (("--setup-cycles", "--seed", "0", "--cycles-python", "python"), "got --seed, --cycles-python"),
+    ],
+)
+def test_what_has_no_use_for_an_option_refuses_it(
+    whole: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], rule: str
+) -> None:
+    monkeypatch.setattr("endosdk.simulation.cycles.environment.set_up", lambda: pytest.fail("it is set up"))
+    assert main(["simulate", *(word.format(set=whole) for word in words)]) == 2
+    assert rule in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("width", "largest"), [(24, 6.0), (480, 120.0), (1000, 250.0), (1920, 250.0)])
 def test_the_usual_range_of_drawn_rigs_is_one_that_is_allowed(width: int, largest: float) -> None:
     words = ["simulate", "--out", "set", "--rig", "drawn", "--width", str(width)]

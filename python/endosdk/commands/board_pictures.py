@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from endosdk.calibration.boards import Board, BoardView
     from endosdk.calibration.view_collector import ViewCollector
 
+# What folders have no use for, and its value when it is not given.
+OF_STREAMS: dict[str, object] = {
+    "layout": "side-by-side", "queue": "auto", "scan": "auto", "rate": None, "raw": None, "gap": 0, "views": 20,
+}  # fmt: skip
 PATTERN_RULE = "must be COLUMNSxROWS of inner corners, such as 14x10"
 
 
@@ -72,6 +76,10 @@ def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardC
     if len(args.source) > 2:
         raise InvalidArgument("source", "must be one source, or two folders", args.source)
     folders = two_folders(args.source[0]) if len(args.source) == 1 else (Path(args.source[0]), Path(args.source[1]))
+    if folders:
+        for name, usual in OF_STREAMS.items():
+            if getattr(args, name) != usual:
+                raise InvalidArgument(name, "is of a video or a camera; leave it out with folders", getattr(args, name))
     views, size, left_out = (
         _from_folders(folders, board, args.bits, args.swap) if folders else _from_source(args, board)
     )

@@ -54,6 +54,10 @@ _SETTINGS: dict[str, tuple[str | int | float | bool, str]] = {
 }
 
 
+# What is of rendering, and its value when it is not given.
+_RENDERING: dict[str, object] = {"workers": 1, "ray": False, "cycles_python": None}
+
+
 def _option(name: str) -> str:
     """Return the option of a setting; what is usually on has one that switches it off."""
     switched_off = name in _SETTINGS and _SETTINGS[name][0] is True
@@ -110,6 +114,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do what the arguments say; return the exit status."""
     if args.setup_cycles:
+        _take_nothing_else(args, "setup_cycles", "installs Blender")
         from endosdk.simulation.cycles.environment import set_up
 
         report = Report(args)
@@ -117,8 +122,19 @@ def run(args: argparse.Namespace) -> int:
         report.line(str(report.record["python"]))
         return report.end()
     if args.check is not None:
+        _take_nothing_else(args, "check", "reads a set as it is")
         return _check(args)
     return _spoil(args) if args.spoil is not None else _render(args)
+
+
+def _take_nothing_else(args: argparse.Namespace, name: str, what: str) -> None:
+    """Refuse the options that only a set to be written has."""
+    from endosdk.errors import InvalidArgument
+
+    usual = {**dict.fromkeys(("spoil", "recipe", *_SETTINGS, "textures")), **_RENDERING}
+    given = [_option(other) for other, value in usual.items() if getattr(args, other) != value]
+    if given:
+        raise InvalidArgument(name, f"{what}, so leave out the rest", ", ".join(given))
 
 
 def _check(args: argparse.Namespace) -> int:
@@ -145,7 +161,7 @@ def _spoil(args: argparse.Namespace) -> int:
     if given or args.recipe is not None:
         options = ", ".join([*(_option(name) for name in given), *(["--recipe"] if args.recipe else [])])
         raise InvalidArgument("spoil", "takes the pairs as they are, so leave out the rest but --seed", options)
-    for name, without in (("workers", 1), ("ray", False), ("cycles_python", None)):
+    for name, without in _RENDERING.items():
         if getattr(args, name) != without:
             raise InvalidArgument(name, "is for rendering; leave it out with --spoil", getattr(args, name))
     record = spoil_set(args.spoil, args.out, args.seed if args.seed is not None else 1)
