@@ -12,6 +12,7 @@
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
+#include "model/model.hpp"
 #include "platform/threads.hpp"
 
 namespace py = pybind11;

@@ -6,24 +6,17 @@
 
 #include "frame_path/cancelling.hpp"
 #include "frame_path/frame.hpp"
+#include "frame_path/frame_judgement.hpp"
+#include "frame_path/limits.hpp"
 #include "frame_path/rectify_stage.hpp"
 #include "frame_path/session.hpp"
 #include "images/equal_blocks.hpp"
-#include "maps/coarse_match.hpp"
 #include "maps/image_motion.hpp"
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/temporal_filter.hpp"
 
 namespace endosdk {
-
-// Limits within which a pixel counts as valid.
-struct Limits {
-  double min_confidence = 0.0;
-  double min_depth_mm = 0.0;
-  double max_depth_mm = 0.0;
-  double depth_unit_mm = 0.0;  // one step of the 16-bit depth map
-};
 
 class Slot {
  public:
@@ -56,13 +49,7 @@ class Slot {
   void copy_pictures(uint8_t* left, uint8_t* right);
 
  private:
-  int postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig);
-
-  // Sets the causes that follow from the pictures and the maps of the latest frame.
-  void judge(const MapsOut& maps, const Rig* rig, FrameReport& report);
-  void judge_same_view(const Rig* rig, FrameReport& report) const;
-  void judge_rig(FrameReport& report) const;
-  void explain_failure(bool failed, FrameReport& report);
+  int postprocess(const MapsOut& maps, const Limits& limits, const Rig* rig, const PosePattern& pattern);
 
   std::shared_ptr<const RectifyStage> stage_;
   std::shared_ptr<Session> session_;
@@ -74,11 +61,8 @@ class Slot {
   RectifyScratch rectify_scratch_;
   EqualBlocks equal_;
   PostprocessScratch scratch_;
-  CoarseMatch coarse_match_;
+  FrameJudgement judgement_;
   BrightnessPyramid brightness_;
-  bool has_rig_ = false;  // whether the latest pair had a rig
-  double focal_x_ = 0.0;
-  double focal_y_ = 0.0;
   double rest_apart_ = 0.0;  // of the latest pair, see FrameDisplacement
 };
 

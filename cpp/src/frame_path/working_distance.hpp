@@ -6,7 +6,7 @@
 
 #include <endosdk/endosdk.h>
 
-#include "frame_path/slot.hpp"
+#include "frame_path/limits.hpp"
 #include "geometry/rig.hpp"
 #include "images/size.hpp"
 #include "model/model.hpp"
