@@ -6,11 +6,11 @@ namespace endosdk {
 namespace {
 
 // Longest side after padding, px. It is far beyond any frame. Only a model with a very large input multiple exceeds it.
-constexpr int64_t longest_side = 1 << 20;
+constexpr int64_t longest_padded_side = 1 << 20;
 
 int padded(int length, int multiple) {
   const int64_t result = (int64_t{length} + multiple - 1) / multiple * multiple;
-  require(result <= longest_side, "size", Text("must be at most ", longest_side, " px after padding"), result);
+  require(result <= longest_padded_side, "size", Text("must be at most ", longest_padded_side, " px after padding"), result);
   return static_cast<int>(result);
 }
 

@@ -23,6 +23,7 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
       identity_(path_->identity()),
       lanes_(session_->facts().provider == cpu_provider ? path_->settings().threads : accelerator_lanes),
       size_(stage->frame()),
+      picture_(stage->picture()),
       frames_(static_cast<size_t>(lanes_) + 1),
       stage_(std::move(stage)) {
   for (Frame& frame : frames_) frame.slot = std::make_shared<Slot>(stage_, session_);
@@ -102,7 +103,7 @@ std::optional<Stream::Answer> Stream::receive() {
   lock.unlock();
   try {
     if (answer.error) std::rethrow_exception(answer.error);
-    watch_rig(answer.report, *frame.slot);
+    if (const auto correction = watch_rig(answer.report, *frame.slot)) correct_rectification(*correction);
     path_->hand_out(answer.report);
   } catch (...) {
     answer.error = std::current_exception();  // the frame is received all the same, and its maps are free again
@@ -117,24 +118,25 @@ void Stream::follow_rig() {
   follows_ = true;
 }
 
-// Takes one frame's pose error, in the order of the frames, and corrects the rectification of later ones.
-void Stream::watch_rig(FrameReport& report, Slot& slot) {
+// Takes one frame's pose error, in the order of the frames. Returns the correction that later frames shall have; none: no other.
+std::optional<PoseVector> Stream::watch_rig(FrameReport& report, Slot& slot) {
   const LoopThreads alone(1);  // the cores work on other frames
-  std::unique_lock lock(mutex_);
+  const std::lock_guard lock(mutex_);
   watch_.add(report, slot);
-  const PoseVector before = stage_->corrected();
-  if (!follows_ || watch_.frames() < corrected_at_ + frames_per_correction) return;
-  const std::optional<PoseVector> next = next_correction(before, report.steady);
-  if (!next) return;
-  corrected_at_ = watch_.frames();
-  const Size picture = stage_->picture();
-  lock.unlock();
+  if (!follows_ || watch_.frames() < corrected_at_ + frames_per_correction) return std::nullopt;
+  const std::optional<PoseVector> next = next_correction(stage_->corrected(), report.steady);
+  if (next) corrected_at_ = watch_.frames();
+  return next;
+}
+
+void Stream::correct_rectification(const PoseVector& correction) {
   const LoopThreads threads(path_->settings().threads, path_->settings().thread_hook);
-  auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture, [] {}, *next);
-  lock.lock();
-  stage_ = std::move(stage);
-  lock.unlock();
-  path_->tell_correction(*next);
+  auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture_, [] {}, correction);
+  {
+    const std::lock_guard lock(mutex_);
+    stage_ = std::move(stage);
+  }
+  path_->tell_correction(correction);
 }
 
 // A black pair takes the same path as a real one, and makes every layer reserve what it will need: of each slot, and of as many

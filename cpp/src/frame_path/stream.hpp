@@ -80,14 +80,16 @@ class Stream {
   void begin(int lane, const ImageView& black);
   void serve();
   void work(Frame& frame, uint64_t number);
-  void watch_rig(FrameReport& report, Slot& slot);
+  std::optional<PoseVector> watch_rig(FrameReport& report, Slot& slot);
+  void correct_rectification(const PoseVector& correction);
 
   const std::shared_ptr<FramePath> path_;
   const std::shared_ptr<Session> session_;
   const std::shared_ptr<const Rig> rig_;
   const std::shared_ptr<const Identity> identity_;
   const int lanes_;
-  const Size size_;
+  const Size size_;     // of the frames
+  const Size picture_;  // that the network sees
   Turns turns_;
   TemporalFilter filter_;  // who has the turn has it
 

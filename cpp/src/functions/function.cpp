@@ -11,7 +11,7 @@ namespace endosdk {
 namespace {
 
 // A file may ask for any shape, also for one without values; loops count in 32 bits.
-constexpr int64_t longest_side = 1 << 20;
+constexpr int64_t longest_shape_side = 1 << 20;
 constexpr int64_t most_values = 1 << 28;
 
 constexpr Element bytes = Element::uint8;
@@ -84,7 +84,7 @@ void FunctionCall::parallel(int64_t count, RowBody body) {
 
 void check_shape(const char* argument, const Shape& found, const Shape& wanted) {
   bool fits = found.size() == wanted.size();
-  for (size_t i = 0; fits && i < wanted.size(); ++i) fits = wanted[i] < 0 ? found[i] <= longest_side : found[i] == wanted[i];
+  for (size_t i = 0; fits && i < wanted.size(); ++i) fits = wanted[i] < 0 ? found[i] <= longest_shape_side : found[i] == wanted[i];
   require(fits, ENDO_INFERENCE_FAILED, argument, Text("must have the shape ", wanted), found);
 }
 
