@@ -166,9 +166,6 @@ void MatchedViews::correlate() {
 void MatchedViews::place(const FloatView& disparity, Scale grid) {
   const int stride = cells_.width + 2;
   disparity_.resize(static_cast<size_t>(stride) * static_cast<size_t>(cells_.height + 2));
-  const auto place_of = [this](int cell, double scale, int count) {
-    return std::min(static_cast<int>((2 * cell + 1) * unit_ * scale), count - 1);
-  };
   columns_of_grid_.resize(static_cast<size_t>(cells_.width));
   for (int x = 0; x < cells_.width; ++x) columns_of_grid_[static_cast<size_t>(x)] = place_of(x, grid.x, disparity.width);
   const int32_t* const column = columns_of_grid_.data();

@@ -6,6 +6,7 @@
 // between cells.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -39,6 +40,15 @@ class MatchedViews {
 
   // Pixels of the view per column of brightness; a cell is two columns wide and high.
   int unit() const { return unit_; }
+
+  // Place of a cell's centre along one axis of a map that has `per_pixel` values per pixel of the view, `count` in all; and the
+  // cell, of `count` cells, in which such a place lies.
+  int place_of(int cell, double per_pixel, int count) const {
+    return std::min(static_cast<int>((2 * cell + 1) * unit_ * per_pixel), count - 1);
+  }
+  int cell_of(int place, double per_pixel, int count) const {
+    return std::min(static_cast<int>((place + 0.5) / per_pixel) / (2 * unit_), count - 1);
+  }
 
   // Standard deviation of the noise of one channel's pixels, grey levels.
   double left_noise() const { return left_noise_; }

@@ -28,10 +28,7 @@ void PhotometricConsistency::judge(const FloatView& confidence, double reach, co
     std::fill(own_.begin(), own_.end(), 0.0f);
     return;
   }
-  const auto cell_of = [&](int place, double per_pixel, int most) {
-    return std::min(static_cast<int>((place + 0.5) / per_pixel) / (2 * views->unit()), most - 1);
-  };
-  for (int x = 0; compared && x < size_.width; ++x) cell_of_column_[static_cast<size_t>(x)] = cell_of(x, grid.x, views->size().width);
+  for (int x = 0; compared && x < size_.width; ++x) cell_of_column_[static_cast<size_t>(x)] = views->cell_of(x, grid.x, views->size().width);
   std::fill(scratch_.begin(), scratch_.end(), 1.0f);
   const auto write_rows = [&](int begin, int end, int worker) {
     float* const support = scratch_.data() + 2 * width * static_cast<size_t>(worker);
@@ -39,7 +36,7 @@ void PhotometricConsistency::judge(const FloatView& confidence, double reach, co
     for (int y = begin; y < end; ++y) {
       const ptrdiff_t first = static_cast<ptrdiff_t>(y) * size_.width;
       if (compared) {
-        const int row = cell_of(y, grid.y, views->size().height);
+        const int row = views->cell_of(y, grid.y, views->size().height);
         const float* const supports = views->support(row);
         const float* const factors = views->odds(row);
         for (size_t x = 0; x < width; ++x) {

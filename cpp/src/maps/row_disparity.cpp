@@ -73,13 +73,10 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
 
 void RowDisparity::find_wanted(const FloatView& confidence, Scale grid) {
   const Size cells = views_->size();
-  const auto place_of = [this](int cell, double scale, int count) {
-    return std::min(static_cast<int>((2 * cell + 1) * views_->unit() * scale), count - 1);
-  };
-  for (int x = 0; x < cells.width; ++x) columns_[static_cast<size_t>(x)] = place_of(x, grid.x, confidence.width);
+  for (int x = 0; x < cells.width; ++x) columns_[static_cast<size_t>(x)] = views_->place_of(x, grid.x, confidence.width);
   float* out = wanted_.data();
   for (int i = 0; i < 3 * bands_; ++i, out += cells.width) {
-    const int from = place_of(first_row(i / 3) + i % 3 - 1, grid.y, confidence.height);
+    const int from = views_->place_of(first_row(i / 3) + i % 3 - 1, grid.y, confidence.height);
     const float* const source = confidence.data + static_cast<ptrdiff_t>(from) * confidence.width;
     for (int x = 0; x < cells.width; ++x) {
       out[x] = source[columns_[static_cast<size_t>(x)]] >= row_disparity_confidence ? 1.0f : 0.0f;
