@@ -80,7 +80,7 @@ def sparsification_error(errors: Errors, uncertainty: Errors) -> float:
 def sigma_calibration_error(depth_errors: Errors, sigma: Map) -> float:
     """Return the expected calibration error of ``sigma`` in mm; both lists are flat, one entry a pixel.
 
-    Sigma is the expected absolute error. Pixels are binned by it. In each bin the mean absolute depth error should equal
+    Sigma is the expected absolute error. Pixels are binned by it. In each bin the mean absolute depth error should be
     the mean sigma; the gaps are averaged by the number of pixels.
     """
     if depth_errors.shape != sigma.shape or sigma.ndim != 1:
