@@ -18,10 +18,10 @@ def files(folder: Path, *names: str) -> Path:
 
 
 def test_numbers_match_and_order_the_pictures(tmp_path):
-    left = files(tmp_path / "a", "L_10.png", "L_9.PNG", "notes.txt", "left.bmp")
+    left = files(tmp_path / "a", "L_10.png", "L_9.PNG", "notes.txt", "left.ppm")
     right = files(tmp_path / "b", "R_009.jpg", "R_010.jpg", "right.png", "R_11.json")
     found = [(one.name, other.name) for one, other in pair_pictures(left, right)]
-    assert found == [("left.bmp", "right.png"), ("L_9.PNG", "R_009.jpg"), ("L_10.png", "R_010.jpg")]
+    assert found == [("left.ppm", "right.png"), ("L_9.PNG", "R_009.jpg"), ("L_10.png", "R_010.jpg")]
 
 
 def test_the_number_of_the_camera_does_not_count(tmp_path):

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from endosdk import _core
+from endosdk.commands.options import MODEL
 from endosdk.commands.report import Report
 
 if TYPE_CHECKING:
     from endosdk.runtime.overview import Picture
     from endosdk.runtime.result import DepthResult
-
-MODEL = "fast"
 
 
 def explain_pair(report: Report, pair: list[Path], calibration: Path | None, bits: int | None) -> list[str]:

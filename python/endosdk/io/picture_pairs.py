@@ -7,7 +7,7 @@ from pathlib import Path
 
 from endosdk.errors import InvalidArgument
 
-ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
 
 NUMBERS_RULE = (
     "must have the same numbers in their names on both sides, such as cam0_0007.png and cam1_0007.png; "
