@@ -72,7 +72,7 @@ def claim_verdict(group: str, claim: Claim, rows: Rows) -> Verdict:
         return Verdict(UNDECIDED, why="; ".join(early))
     values = {label: _values(rows, runs[label], claim.measure) for label in labels}
     if not all(values.values()):
-        return Verdict(NOT_MEASURED, why=f"lacks {'; '.join(label for label, found in values.items() if not found)}")
+        return Verdict(NOT_MEASURED, why=f"no number of {'; '.join(label for label, found in values.items() if not found)}")
     bound = repeat_bound(rows, claim.measure)
     numbers = "; ".join(f"{label}: {_said(found)}" for label, found in values.items())
     if not bound.known:
@@ -135,7 +135,7 @@ def order_verdict(order: Order, rows: Rows, bound: Bound) -> Verdict:
     values = [_seen_in_pictures(rows[name], order.measure) for name in order.methods]
     unknown = [LABELS[name] for name, value in zip(order.methods, values, strict=True) if value is None]
     if unknown:
-        return Verdict(NOT_MEASURED, why=f"lacks {'; '.join(unknown)}")
+        return Verdict(NOT_MEASURED, why=f"no number of {'; '.join(unknown)}")
     numbers = "; ".join(f"{LABELS[name]}: {value:.3f}" for name, value in zip(order.methods, values, strict=True))
     if not bound.known:
         return Verdict(UNDECIDED, numbers, bound.lacking)

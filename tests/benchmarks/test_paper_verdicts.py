@@ -129,7 +129,7 @@ def test_missing_and_short_runs_leave_claims_open():
     assert words("pairs", rows)[1] == HELD
     for name in ("base", "base-seed1", "base-seed2"):
         del rows[name]["last_loss"]
-    assert verdicts("range", rows)[-1] == Verdict(NOT_MEASURED, why="lacks 192 px")
+    assert verdicts("range", rows)[-1] == Verdict(NOT_MEASURED, why="no number of 192 px")
 
 
 def test_other_methods_are_judged_by_error_and_by_time():
@@ -179,7 +179,7 @@ def test_pictures_are_ordered_by_blur_and_noise():
     assert order_verdict(FIGURE_ORDERS[2], rows, KNOWN).word == UNDECIDED
     assert order_verdict(FIGURE_ORDERS[2], rows, TOO_FEW).why == "4 of 5 settings repeated"
     unmeasured = order_verdict(FIGURE_ORDERS[2], {**rows, "sgbm": {}}, KNOWN)
-    assert unmeasured == Verdict(NOT_MEASURED, why="lacks StereoSGBM")
+    assert unmeasured == Verdict(NOT_MEASURED, why="no number of StereoSGBM")
     missing = order_verdict(FIGURE_ORDERS[0], {"paper-192": {}}, KNOWN)
     assert missing == Verdict(NOT_RUN, why="lacks AnyNet as published")
 
