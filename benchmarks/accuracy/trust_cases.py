@@ -179,6 +179,17 @@ def _scaled(scale: float) -> Spoil:
     return spoil
 
 
+def _fields_apart(px: float) -> Spoil:
+    """Odd rows of a later moment, in which a camera that moves along the rows is so far on."""
+
+    def moved(view: Picture, rng: np.random.Generator) -> Picture:
+        frame = view.copy()
+        frame[1::2] = np.roll(view, round(px * view.shape[1] / 960), axis=1)[1::2]
+        return frame
+
+    return _each(moved)
+
+
 def _partly_covered(sample: Sample, rng: np.random.Generator) -> Sample:
     """Blood or a drop of fluid over the lower half of one lens."""
     right = sample.right.copy()
@@ -242,4 +253,5 @@ FAULTS = (
         for axis, how in enumerate(("pitched", "yawed", "rolled"))
     ),
     Case("right view larger by 1 %", _scaled(1.01), (Cause.SCALES_DIFFER,)),
+    Case("fields 6 px apart", _fields_apart(6.0), (Cause.INTERLACED,)),
 )  # fmt: skip

@@ -72,7 +72,9 @@ def claim_verdict(group: str, claim: Claim, rows: Rows) -> Verdict:
         return Verdict(UNDECIDED, why="; ".join(early))
     values = {label: _values(rows, runs[label], claim.measure) for label in labels}
     if not all(values.values()):
-        return Verdict(NOT_MEASURED, why=f"no number of {'; '.join(label for label, found in values.items() if not found)}")
+        return Verdict(
+            NOT_MEASURED, why=f"no number of {'; '.join(label for label, found in values.items() if not found)}"
+        )
     bound = repeat_bound(rows, claim.measure)
     numbers = "; ".join(f"{label}: {_said(found)}" for label, found in values.items())
     if not bound.known:

@@ -14,6 +14,7 @@
 #include "geometry/stereo_rectify.hpp"
 #include "images/rectify.hpp"
 #include "images/equal_blocks.hpp"
+#include "images/interlacing.hpp"
 #include "images/same_view.hpp"
 
 namespace endosdk {
@@ -138,6 +139,12 @@ std::pair<double, double> displacement_of_arrays(const py::array& left, const py
   return {apart.textured, apart.rest};
 }
 
+double combed_share_of_array(const py::array& frame) {
+  const ImageView view = image_view(frame, "frame");
+  const py::gil_scoped_release release;
+  return combed_share(view);
+}
+
 py::array equal_blocks_of_arrays(const py::array& left, const py::array& right) {
   const ImageView a = image_view(left, "left");
   const ImageView b = image_view(right, "right");
@@ -211,6 +218,8 @@ void bind_rectification(py::module_& m) {
       .def_property_readonly("valid_right", [](const Rectifier& r) { return valid_mask(r, r.valid_right()); });
   m.def("pack", &pack_arrays, arg("left").noconvert(), arg("right").noconvert(), arg("out_left").noconvert(),
         arg("out_right").noconvert(), arg("order"), "Rewrite an already rectified pair as padded planar RGB.");
+  m.def("combed_share", &combed_share_of_array, arg("frame").noconvert(),
+        "Share of the tiles of a raw frame in which neighbouring rows differ clearly more than rows two apart.");
   m.def("displacement_of_frames", &displacement_of_arrays, arg("left").noconvert(), arg("right").noconvert(),
         "How far apart two frames show their texture, thousandths of the width: in tiles with more texture, and in the rest.");
   m.def("equal_blocks", &equal_blocks_of_arrays, arg("left").noconvert(), arg("right").noconvert(),

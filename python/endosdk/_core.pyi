@@ -50,6 +50,7 @@ class Cause(enum.IntEnum):
     STALE = 15
     REPEATED_PATTERN = 16
     SCALES_DIFFER = 17
+    INTERLACED = 18
 
 class _CauseFact(TypedDict):
     measure: str  # what the number counts, and in which unit
@@ -227,6 +228,9 @@ class Rectifier:
 
 def pack(left: _Bytes, right: _Bytes, out_left: _Bytes, out_right: _Bytes, order: _Order | str) -> None:
     """Rewrite an already rectified pair as padded planar RGB; arrays as for `Rectifier.rectify`."""
+
+def combed_share(frame: _Bytes) -> float:
+    """Share of the tiles of a raw frame in which neighbouring rows differ clearly more than rows two apart."""
 
 def displacement_of_frames(left: _Bytes, right: _Bytes) -> tuple[float, float]:
     """How far apart two frames show their texture, thousandths of the width; NaN where too little is textured.

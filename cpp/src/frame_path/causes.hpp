@@ -35,9 +35,10 @@ enum class Cause : int {
   stale = ENDO_CAUSE_STALE,
   repeated_pattern = ENDO_CAUSE_REPEATED_PATTERN,
   scales_differ = ENDO_CAUSE_SCALES_DIFFER,
+  interlaced = ENDO_CAUSE_INTERLACED,
 };
 
-constexpr int cause_count = 18;
+constexpr int cause_count = 19;
 
 // Number of measures that fit in the C result; it has room for causes of later releases.
 constexpr int most_causes = ENDO_MOST_CAUSES;
@@ -94,6 +95,8 @@ constexpr CauseFact cause_facts[] = {
      "the image repeats itself, so matches may be wrong by whole periods", "look at a place with other texture"},
     {Cause::scales_differ, "SCALES_DIFFER", "by how much one view is larger than the other one, percent", Bad::high, 0.5, never,
      "zoom or focus of the cameras differ", "set the same zoom on both cameras, or calibrate the rig again"},
+    {Cause::interlaced, "INTERLACED", "share of the image in which neighbouring rows differ more than rows two apart", Bad::high, 0.1, never,
+     "even and odd rows are of two moments", "deinterlace the video, or set the camera to progressive scan"},
 };
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);

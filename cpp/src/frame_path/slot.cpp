@@ -1,5 +1,8 @@
 #include "frame_path/slot.hpp"
 
+#include <cmath>
+
+#include "images/interlacing.hpp"
 #include "images/same_view.hpp"
 #include "maps/reasons.hpp"
 
@@ -34,6 +37,7 @@ void Slot::rectify(const FramePair& pair, FrameReport& report) {
   report.causes.set(Cause::same_view_twice, apart.textured);
   rest_apart_ = apart.rest;
   equal_.compare(pair.left, pair.right);
+  report.causes.set(Cause::interlaced, std::fmax(combed_share(pair.left), combed_share(pair.right)));
   report.prints = {print_of(pair.left), print_of(pair.right)};
   report.corrected = stage_->corrected();
   const Clock::time_point ended = Clock::now();
