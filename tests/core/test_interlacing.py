@@ -72,7 +72,7 @@ def test_frames_of_one_moment_are_not():
 
 
 def test_real_frames(shared_data):
-    """Two of the five pairs of this laparoscope, which is interlaced, were taken while it moved. The pictures show it."""
+    """Two of the five pairs of this laparoscope, which is interlaced, show that it moved."""
     frames = {path.name: path for path in (shared_data / "chessboard").glob("*/*.png")}
     combed = {name for name, path in frames.items() if _core.combed_share(read_frame(path)) >= LIMIT}
     assert combed == {f"{side}-{number}.png" for side in ("left", "right") for number in (1095, 4848)}
