@@ -126,6 +126,14 @@ def named_scale():
     return tuple(str(sum(one[key] for one in clean)) for key in ("named", "frames"))
 
 
+def changes_by_fine_tuning():
+    found = read("studies/fine_tune")
+    assert (found["dataset"]["pairs"], found["dataset"]["held_out"]) == (16, 16)
+    recipe, defaults = ([100 * one["change"] for one in found["after"][way].values()] for way in ("recipe", "defaults"))
+    assert len(recipe) == 3
+    return f"{min(recipe):.1f}", f"{max(recipe):.1f}", f"{max(defaults):.0f}"
+
+
 def cost_of_trust():
     shares = [case["share_of_a_frame"] for case in read("speed/trust_cost")["cases"].values()]
     return whole_percent(min(shares)), whole_percent(max(shares))
@@ -152,6 +160,11 @@ SENTENCES = [
     ("docs/real-time.md", r"`fast` runs at (\S+) FPS without and at (\S+) FPS with", rates_beside_a_busy_process),
     ("docs/real-time.md", r"Beside two, both run at (\S+) to (\S+) FPS", rates_beside_two_busy_processes),
     ("docs/real-time.md", r"trust checks take (\S+) to (\S+) % of a frame", cost_of_trust),
+    (
+        "docs/train.md",
+        r"on 16 others is (\S+) to (\S+) % larger, with three seeds .* settings of a new network it is (\S+) % larger",
+        changes_by_fine_tuning,
+    ),
     ("docs/measuring.md", r"happened for (\S+) of (\S+) outlines", outlines_rejected),
     ("docs/live.md", r"In one of the five flights, the filter raises the error by (\S+) %", loss_on_one_flight),
     ("docs/trust.md", r"A difference of 1 % is named in (\S+) of (\S+) clean frames", named_scale),
