@@ -4,7 +4,6 @@
 
 #include "images/interlacing.hpp"
 #include "images/same_view.hpp"
-#include "maps/reasons.hpp"
 
 namespace endosdk {
 namespace {

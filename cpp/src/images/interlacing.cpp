@@ -1,10 +1,7 @@
 #include "images/interlacing.hpp"
 
 #include <array>
-#include <atomic>
 #include <limits>
-
-#include "platform/threads.hpp"
 
 namespace endosdk {
 namespace {
@@ -69,14 +66,12 @@ int combed_tiles(const Band& band) {
 double combed_share(const ImageView& frame) {
   if (frame.width < columns || frame.height < bands * rows) return std::numeric_limits<double>::quiet_NaN();
   const Columns places = columns_of(frame);
-  std::atomic<int> combed{0};
-  parallel_for(bands, 1, [&](int begin, int end, int) {
-    Band band;
-    for (int i = begin; i < end; ++i) {
-      read_band(frame, places, (frame.height - rows) * i / (bands - 1), band);
-      combed += combed_tiles(band);
-    }
-  });
+  Band band;
+  int combed = 0;
+  for (int i = 0; i < bands; ++i) {
+    read_band(frame, places, (frame.height - rows) * i / (bands - 1), band);
+    combed += combed_tiles(band);
+  }
   return static_cast<double>(combed) / (bands * tiles_along);
 }
 
