@@ -195,6 +195,16 @@ def test_depth_errors_hold_against_the_true_rig() -> None:
     assert float(np.sqrt(np.mean(np.square(scores)))) < 2.5
 
 
+def test_a_board_that_was_hardly_tilted_gives_large_errors() -> None:
+    """Its covariance is singular but for rounding: that is no reason for a warning of NumPy."""
+    rig, rng = plain_rig(), np.random.default_rng(4)
+    turns = [(*0.02 * rng.normal(size=2), 0.2 * i) for i in range(6)]
+    poses = [(turn, (-14.0 + i, -8.0, 60.0)) for i, turn in enumerate(turns)]
+    left, right = ([one + rng.normal(0, 0.1, one.shape) for one in side] for side in corners_of(rig, poses))
+    errors = calibrate_board(left, right, PATTERN, SQUARE, (rig.width, rig.height)).errors
+    assert errors is not None and min(errors.depth_mm[60.0]) > 2
+
+
 def test_views_that_do_not_fit_are_refused_one_by_one() -> None:
     rig = plain_rig()
     views = noisy_views(rig, 0.05, 1)

@@ -128,13 +128,25 @@ def _depth_error(calibration: StereoCalibration, covariance: Matrix, depth_mm: f
     rays = np.column_stack([(places - (g.cx, g.cy)) / g.focal_px, np.ones(len(places))])
     points = rays * depth_mm @ g.R1  # in the raw left camera
     raw = _raw_pixels(calibration, points)
-    rng = np.random.default_rng(0)
-    drawn = [_moved(calibration, step) for step in rng.multivariate_normal(np.zeros(len(NAMES)), covariance, DRAWS)]
+    drawn = [_moved(calibration, step) for step in _steps(covariance)]
     depths = np.array([_triangulated(rig, *raw) for rig in drawn if rig is not None])
     if len(depths) < DRAWS // 2:
         return float("nan"), float("nan")
     spread = depths.std(axis=0)
     return float(spread[0]), float(np.sqrt((spread[1:] ** 2).mean()))
+
+
+def _steps(covariance: Matrix) -> Matrix:
+    """Draw [DRAWS,22] steps of the rig's numbers.
+
+    The numbers have very different sizes, so that the root is taken of their correlation. What rounding has left of it
+    below zero is none.
+    """
+    sizes = np.sqrt(np.diag(covariance))
+    shares, directions = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    root = directions * np.sqrt(np.maximum(shares, 0.0))
+    steps: Matrix = np.random.default_rng(0).standard_normal((DRAWS, len(sizes))) @ root.T * sizes
+    return steps
 
 
 def _raw_pixels(calibration: StereoCalibration, points: Matrix) -> tuple[Matrix, Matrix]:
