@@ -7,8 +7,11 @@ SAMPLES := examples/data
 BIN := $(VENV)/bin
 # Modules are compiled when they are first imported: to compile all of them takes a minute.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope
+# Files in their order: by the number of tests, the few that take minutes would come last, and one process would wait.
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder
 export ORT_DISABLE_TELEMETRY := 1
+# Hundreds of programs start in the tests, and each imports the same modules: compiled once, whatever the shell says.
+unexport PYTHONDONTWRITEBYTECODE
 # The tests of the C library build it with the CMake that is installed here.
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
