@@ -42,7 +42,7 @@ STREAMED = ("fast", "fast-320")
 STREAM_SIZES = ((960, 720), (1920, 1080))
 STREAM_FRAMES, STREAM_TURNS = 100, 5
 # The longest input of each, bytes.
-FUZZERS = {"model": 16384, "calibration": ctypes.sizeof(binding.Calibration), "frame": 80}
+FUZZERS = {"model": 16384, "calibration": ctypes.sizeof(binding.Calibration), "rig_file": 4096, "frame": 80}
 
 
 def say(text: str) -> None:

@@ -33,7 +33,12 @@ def spoilt_files_table() -> str:
 
 def fuzzed_table() -> str:
     """What libFuzzer has tried on the C library."""
-    labels = {"model": "model file", "calibration": "rig", "frame": "pair of frames, with strides and formats"}
+    labels = {
+        "model": "model file",
+        "calibration": "rig",
+        "rig_file": "rig file",
+        "frame": "pair of frames, with strides and formats",
+    }
     found = records.read("speed/c_library")["fuzz"]["result"]
     rows = [
         [labels[name], f"{one['inputs']:,}", f"{one['edges_reached']:,}", str(one["failures"])]
