@@ -4,7 +4,8 @@
     python -m benchmarks.speed.soak --beside "COMMAND" --json benchmarks/results/speed/soak.json
 
 The pairs that come with the package go round. Each answer must be, byte for byte, the one that its pair had first. A
-run that was interrupted goes on from its latest checkpoint, beside the record, when the same command is given again.
+run that was interrupted goes on from its latest checkpoint, beside the record, when the same command is given again;
+one of another command, model, commit or installed version is refused.
 With --beside, the processors are kept busy by a program of your own, which must run as long as the soak.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import shlex
 import signal
@@ -30,6 +32,7 @@ from endosdk import DepthEstimator
 from endosdk.datasets.samples import sample_pairs
 from endosdk.io.progress import progress
 from endosdk.jobs.bench import burdened
+from endosdk.jobs.machine import commit, versions
 
 WARM_UP = 200  # frames after each start that do not count
 CHECKPOINT = 1000  # frames
@@ -40,6 +43,7 @@ SLACK_MS = 2.0  # what the caller's own clock adds to the library's where nothin
 class Tally:
     """What was seen so far; times are of the caller's clock."""
 
+    made_by: dict[str, str]  # command, model, commit and versions, which all runs share
     times_ms: list[float] = field(default_factory=list)
     late: list[bool] = field(default_factory=list)
     growth_mb: list[float] = field(default_factory=list)  # of each run, from its warm-up on
@@ -52,16 +56,23 @@ class Tally:
         whole = path.with_suffix(".new.npz")
         counts = (self.marked_in_time, self.unmarked)
         lists = {"times": self.times_ms, "late": self.late, "growth": self.growth_mb, "beside": self.beside}
-        np.savez(whole, **{name: np.asarray(values) for name, values in lists.items()}, counts=counts)
+        arrays = {name: np.asarray(values) for name, values in lists.items()}
+        np.savez(whole, **arrays, counts=counts, made_by=json.dumps(self.made_by))
         whole.replace(path)
 
     @classmethod
-    def load(cls, path: Path) -> Tally:
+    def load(cls, path: Path, made_by: dict[str, str]) -> Tally:
+        """Go on with what is in the file. Ends where that was made by something else than this run is."""
         if not path.exists():
-            return cls()
+            return cls(made_by)
         with np.load(path) as kept:
+            before = json.loads(str(kept["made_by"])) if "made_by" in kept else {}
+            for name in {**made_by, **before}:
+                if before.get(name) != made_by.get(name):
+                    said = f"{name} must be {before.get(name)}, as in the checkpoint; got {made_by.get(name)}"
+                    raise SystemExit(f"{said}. Remove {path} to begin anew")
             lists = (kept[name].tolist() for name in ("times", "late", "growth", "beside"))
-            return cls(*lists, *kept["counts"].tolist())
+            return cls(made_by, *lists, *kept["counts"].tolist())
 
 
 def resources() -> dict[str, float]:
@@ -102,12 +113,11 @@ def busy(processes: int, command: str | None) -> Iterator[Burden]:
 
 
 def soak(
-    estimator: DepthEstimator, deadline_ms: float, frames: int, checkpoint: Path, burden: Burden
-) -> tuple[Tally, dict[str, float]]:
-    """Run until so many frames were counted, over all runs; ends where an answer differs, or the burden is gone."""
+    estimator: DepthEstimator, deadline_ms: float, frames: int, checkpoint: Path, tally: Tally, burden: Burden
+) -> dict[str, float]:
+    """Run until the tally has so many frames; ends where an answer differs, or the burden is gone."""
     pairs = [(pair.left, pair.right) for pair in sample_pairs()]
     first = [digest(estimator.predict(*pair)) for pair in pairs]
-    tally = Tally.load(checkpoint)
     done, result, before = len(tally.times_ms), None, resources()
     tally.growth_mb.append(0.0)
     tally.beside.append(burden.name)
@@ -134,7 +144,7 @@ def soak(
                 raise SystemExit(f"frame {number}: the program beside has ended")
     after = resources()
     tally.growth_mb[-1] = after["memory_mb"] - before["memory_mb"]
-    return tally, {f"more_{name}": after[name] - before[name] for name in ("fd", "task")}
+    return {f"more_{name}": after[name] - before[name] for name in ("fd", "task")}
 
 
 def main() -> None:
@@ -150,8 +160,13 @@ def main() -> None:
     args = parser.parse_args()
     checkpoint = args.json.with_suffix(".npz")
     estimator = DepthEstimator(args.model, threads=args.threads, deadline_ms=args.deadline_ms)
+    command = f"python -m benchmarks.speed.soak --model {estimator.model.name} --threads {args.threads}"
+    command += f" --load {args.load}" if args.beside is None else f" --beside {shlex.quote(args.beside)}"
+    command += f" --deadline-ms {args.deadline_ms:g} --frames {args.frames}"
+    made_by = {"command": command, "model_sha256": estimator.model.sha256, "commit": commit(), **versions()}
+    tally = Tally.load(checkpoint, made_by)
     with busy(args.load, args.beside) as burden:
-        tally, more = soak(estimator, args.deadline_ms, args.frames, checkpoint, burden)
+        more = soak(estimator, args.deadline_ms, args.frames, checkpoint, tally, burden)
     times = np.array(tally.times_ms)
     p50, p99 = np.percentile(times, (50, 99))
     record = {
@@ -166,9 +181,6 @@ def main() -> None:
         "memory_growth_mb": [round(growth, 2) for growth in tally.growth_mb],
         **more,
     }
-    command = f"python -m benchmarks.speed.soak --model {estimator.model.name} --threads {args.threads}"
-    command += f" --load {args.load}" if args.beside is None else f" --beside {shlex.quote(args.beside)}"
-    command += f" --deadline-ms {args.deadline_ms:g} --frames {args.frames}"
     write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
     checkpoint.unlink(missing_ok=True)
     marks = f"{record['late']} of {times.size} marked late, {tally.unmarked} late and unmarked"

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from benchmarks.speed import soak
@@ -30,8 +31,8 @@ def run(monkeypatch, file, *options: str) -> None:
     soak.main()
 
 
-def test_an_interrupted_run_goes_on_and_is_recorded(monkeypatch, tmp_path):
-    file = tmp_path / "soak.json"
+def interrupted(monkeypatch, file, *options: str) -> None:
+    """Run until one frame after the second checkpoint."""
     with monkeypatch.context() as cut, pytest.raises(KeyboardInterrupt):
         calls = iter(range(100))
         answer = DepthEstimator.predict
@@ -42,16 +43,43 @@ def test_an_interrupted_run_goes_on_and_is_recorded(monkeypatch, tmp_path):
             return answer(self, *pair, **more)
 
         cut.setattr(DepthEstimator, "predict", predict)
-        run(monkeypatch, file, "--deadline-ms", "60000")
-    kept = len(soak.Tally.load(file.with_suffix(".npz")).times_ms)
-    assert kept == 4 and not file.exists()
+        run(monkeypatch, file, *options)
+
+
+def test_an_interrupted_run_goes_on_and_is_recorded(monkeypatch, tmp_path):
+    file = tmp_path / "soak.json"
+    interrupted(monkeypatch, file, "--deadline-ms", "0.001")
+    with np.load(file.with_suffix(".npz")) as kept:
+        assert len(kept["times"]) == 4 and not file.exists()
     run(monkeypatch, file, "--deadline-ms", "0.001")
     record = json.loads(file.read_text())
     assert (record["frames"], record["runs"], record["marked_in_time"]) == (8, 2, 0)
     assert record["beside"] == 2 * ["0 busy processes"]
-    assert record["late_and_unmarked"] == 0
-    assert record["late"] == 8 - kept, "the first run was in time"
+    assert (record["late"], record["late_and_unmarked"]) == (8, 0)
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_run_of_another_command_does_not_go_on(monkeypatch, tmp_path):
+    file = tmp_path / "soak.json"
+    interrupted(monkeypatch, file, "--deadline-ms", "60000")
+    before = file.with_suffix(".npz").read_bytes()
+    said = "command must be .* --deadline-ms 60000 .*, as in the checkpoint; got .* --deadline-ms 0.001 .*Remove"
+    with pytest.raises(SystemExit, match=said):
+        run(monkeypatch, file, "--deadline-ms", "0.001")
+    monkeypatch.setattr(soak, "commit", lambda: "another")
+    with pytest.raises(SystemExit, match=r"commit must be .*; got another"):
+        run(monkeypatch, file, "--deadline-ms", "60000")
+    assert file.with_suffix(".npz").read_bytes() == before and not file.exists()
+
+
+@pytest.mark.parametrize("name", ["command", "model_sha256", "commit", "onnxruntime"])
+def test_a_checkpoint_is_of_one_command_model_commit_and_runtime(tmp_path, name):
+    made_by = dict.fromkeys(("command", "model_sha256", "commit", "onnxruntime"), "one")
+    soak.Tally(made_by, [1.0], [False], [0.0], ["nothing"]).save(tmp_path / "soak.npz")
+    assert soak.Tally.load(tmp_path / "soak.npz", made_by).times_ms == [1.0]
+    for other in ({**made_by, name: "other"}, {key: made_by[key] for key in made_by if key != name}):
+        with pytest.raises(SystemExit, match=f"^{name} must be one, as in the checkpoint; got (other|None)"):
+            soak.Tally.load(tmp_path / "soak.npz", other)
 
 
 def test_late_frames_that_are_not_marked_are_counted_by_the_callers_clock(monkeypatch, tmp_path):
