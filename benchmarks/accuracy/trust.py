@@ -10,6 +10,7 @@ model's range, count as neither.
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -141,12 +142,14 @@ def main() -> None:
     parser = models_parser(__doc__, "so many pairs, evenly from the whole split")
     parser.set_defaults(data=CLEAN_SET, models=["fast"], pairs=60)
     next(action for action in parser._actions if action.dest == "data").required = False
-    parser.add_argument("--cases", nargs="+", help="names of cases (default: all)")
+    parser.add_argument("--cases", nargs="+", help="only these; the others stay in the record")
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
     samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
     cases = tuple(case for case in (*USABLE, *FAULTS) if not args.cases or case.name in args.cases)
-    record_models(args, reader, lambda model: {"cases": measure(model, samples, cases)})
+    some = f" --cases {shlex.join(args.cases)}" if args.cases else ""
+    part = "cases" if args.cases else None
+    record_models(args, reader, lambda model: {"cases": measure(model, samples, cases)}, some, part)
 
 
 if __name__ == "__main__":
