@@ -22,12 +22,12 @@ from benchmarks.record import write_record
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
-from endosdk.runtime.models import read_model
 
 PAIRS = 20
 TOLERANCE_PX = 1e-4
 
-# What one version runs: names that have not changed since 0.1.0. It leaves disparity and confidence of every pair.
+# What one version runs: names that have not changed since 0.1.0. It leaves disparity and confidence of every pair, and
+# says which model file it took.
 WORKER = """
 import sys
 from pathlib import Path
@@ -38,13 +38,17 @@ estimator = endosdk.DepthEstimator(model, threads=2)
 for pair in sorted(Path(folder).glob("pair_*.npy")):
     result = estimator.predict(*np.load(pair))
     np.save(pair.with_name(f"{label}_{pair.name}"), np.stack([result.disparity, result.confidence]))
+print(estimator.model.sha256)
 """
 
 
 def compare(model: str, interpreters: dict[str, Path], folder: Path) -> dict[str, Any]:
     """Return the largest difference between the maps of both versions over all pairs, in px and in probability."""
+    hashes = {}
     for label, python in interpreters.items():
-        subprocess.run([python, "-c", WORKER, model, folder, label], check=True, cwd=folder)
+        command = [python, "-c", WORKER, model, folder, label]
+        said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, cwd=folder).stdout
+        hashes[label] = said.strip()
     largest = {"disparity_px": 0.0, "confidence": 0.0}
     for pair in sorted(folder.glob("pair_*.npy")):
         before, after = (np.load(folder / f"{label}_{pair.name}") for label in interpreters)
@@ -54,7 +58,7 @@ def compare(model: str, interpreters: dict[str, Path], folder: Path) -> dict[str
             )
         for name, apart in zip(largest, np.abs(before - after), strict=True):
             largest[name] = max(largest[name], float(np.nanmax(apart)))
-    return {"model": Path(model).name, **largest}
+    return {"model": Path(model).name, "sha256": hashes, **largest}
 
 
 def write_pairs(samples: list[Sample], folder: Path) -> None:
@@ -75,11 +79,14 @@ def main() -> None:
     args = parser.parse_args()
     reader = open_dataset(args.data, "test")
     files = [str(Path(model).resolve()) if Path(model).is_file() else model for model in args.models]
-    hashes = {Path(file).name: read_model(file).sha256 for file in files}  # as this checkout ships them
     interpreters = {"before": args.before.absolute(), "after": args.after.absolute()}
     with tempfile.TemporaryDirectory() as name:
         write_pairs([reader[number] for number in range(PAIRS)], Path(name))
         models = [compare(model, interpreters, Path(name)) for model in progress(files, unit="model")]
+    hashes = {
+        key: {found["model"]: found["sha256"][label] for found in models}
+        for key, label in (("before_sha256", "before"), ("model_sha256", "after"))
+    }
     record = {
         "commits": dict(zip(("before", "after"), args.commits, strict=True)),
         "data": {"name": reader.name, "sha256": reader.sha256, "pairs": PAIRS},
@@ -87,7 +94,7 @@ def main() -> None:
     }
     command = "python -m benchmarks.accuracy.same_maps --before PYTHON --after PYTHON --commits "
     command += f"{' '.join(args.commits)} --data {args.data} --models {' '.join(args.models)} --json FILE"
-    write_record(args.json, record, command=command, hashes={"model_sha256": hashes})
+    write_record(args.json, record, command=command, hashes=hashes)
     print(json.dumps(models, indent=1))
     if any(model["disparity_px"] > TOLERANCE_PX for model in models):
         raise SystemExit(f"the versions differ by more than {TOLERANCE_PX} px")

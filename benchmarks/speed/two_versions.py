@@ -22,7 +22,6 @@ from benchmarks.record import write_record
 from endosdk.commands.options import parse_size
 from endosdk.datasets.samples import RawPair, sample_pairs
 from endosdk.io.progress import progress
-from endosdk.runtime.models import read_model
 
 TURNS, FRAMES = 100, 16
 LARGEST_ERROR = 1e-3  # of the width, on average
@@ -44,6 +43,9 @@ for line in sys.stdin:
     kind, count = line.split()
     if kind == "save":
         np.save(count, result.disparity)
+    if kind == "hash":
+        print(json.dumps(estimator.model.sha256), flush=True)
+        continue
     results = estimator.stream(repeat((left, right), int(count) + WAITING), reuse=True) if kind == "stream" else None
     for _ in range(WAITING if results else 0):  # until the stream is full
         next(results)
@@ -67,11 +69,11 @@ class Version:
         command = [python, "-c", WORKER, model, folder]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder)
 
-    def ask(self, line: str) -> float:
-        """Let it do one thing; return for how long, s."""
+    def ask(self, line: str) -> Any:
+        """Let it do one thing; return for how long, s, or the hash of its model file."""
         assert self._process.stdin is not None and self._process.stdout is not None
         print(line, file=self._process.stdin, flush=True)
-        return float(json.loads(self._process.stdout.readline()))
+        return json.loads(self._process.stdout.readline())
 
     def close(self) -> None:
         """End the process."""
@@ -86,8 +88,9 @@ def compare(model: str, pair: RawPair, interpreters: dict[str, Path], folder: Pa
     height, width = pair.left.shape[:2]
     versions = {label: Version(python, model, folder) for label, python in interpreters.items()}
     try:
-        errors = {}
+        errors, hashes = {}, {}
         for label, version in versions.items():
+            hashes[label] = version.ask("hash 0")
             version.ask(f"save {folder / label}.npy")
             errors[label] = float(np.nanmean(np.abs(np.load(folder / f"{label}.npy") - pair.disparity)))
             if errors[label] > LARGEST_ERROR * width:
@@ -107,7 +110,7 @@ def compare(model: str, pair: RawPair, interpreters: dict[str, Path], folder: Pa
         for version in versions.values():
             version.close()
     times = {kind: _times(each) for kind, each in ms.items()}
-    return {"model": model, "size": [width, height], "mean_error_px": errors, **times}
+    return {"model": model, "size": [width, height], "sha256": hashes, "mean_error_px": errors, **times}
 
 
 def _times(ms: Times) -> dict[str, Any]:
@@ -127,7 +130,6 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="+", type=parse_size, default=[(960, 720)], metavar="WxH")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
     args = parser.parse_args()
-    hashes = {model: read_model(model).sha256 for model in args.models}  # as this checkout ships them
     interpreters = {"before": args.before, "after": args.after}
     with tempfile.TemporaryDirectory() as name:
         models = [
@@ -135,6 +137,11 @@ def main() -> None:
             for model in args.models
             for size in args.sizes
         ]
+    # The rows of the later version's numbers are marked by its files.
+    hashes = {
+        key: {found["model"]: found["sha256"][label] for found in models}
+        for key, label in (("before_sha256", "before"), ("model_sha256", "after"))
+    }
     commits, sizes = " ".join(args.commits), " ".join(f"{width}x{height}" for width, height in args.sizes)
     record = {
         "commits": dict(zip(("before", "after"), args.commits, strict=True)),
@@ -147,7 +154,7 @@ def main() -> None:
         f"python -m benchmarks.speed.two_versions --before PYTHON --after PYTHON --commits {commits} "
         f"--models {' '.join(args.models)} --sizes {sizes}"
     )
-    write_record(args.json, record, command=command, hashes={"model_sha256": hashes})
+    write_record(args.json, record, command=command, hashes=hashes)
     print(json.dumps(models, indent=1))
 
 
