@@ -9,11 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.model_run import model_run
 from benchmarks.record import signed
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.io.whole_files import write_json
-from endosdk.runtime.models import read_model
 
 
 def models_parser(description: str | None, pairs_help: str) -> argparse.ArgumentParser:
@@ -44,7 +44,7 @@ def record_models(
     if before["dataset"] != dataset:
         raise InvalidArgument("data", f"must be that of {args.json.name}, {before['dataset']}", dataset)
     models = before["models"]
-    hashes = {model: read_model(model).sha256 for model in args.models}
+    hashes = {model: model_run(model).sha256 for model in args.models}
     joined = {model: models[model][part] for model in args.models if part is not None and model in models}
     for model, entries in joined.items():
         _check_joins(

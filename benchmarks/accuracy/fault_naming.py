@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
+from benchmarks.model_run import model_run
 from benchmarks.record import write_record
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
-from endosdk.runtime.models import read_model
 
 CLEAN = next(case for case in USABLE if case.name == "clean")
 
@@ -113,7 +113,7 @@ def main() -> None:
         "without_fault": found[CLEAN.name],
         "faults": {case.name: {**summary(found[case.name]), "sets": found[case.name]} for case in FAULTS},
     }
-    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
+    write_record(args.json, record, command=command, hashes={"model_sha256": model_run(args.model).sha256})
     print(json.dumps({key: record[key] for key in ("without_fault", "faults")}, indent=1))
 
 

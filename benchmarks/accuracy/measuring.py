@@ -22,13 +22,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.model_run import model_run
 from benchmarks.record import write_record
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.measure import Measured, area, distance, point_at
-from endosdk.runtime.models import read_model
 from endosdk.simulation.camera import Pose, StereoCamera, rectified_pair
 from endosdk.simulation.organ import SHARED_BY
 from endosdk.simulation.organs import Part
@@ -209,7 +209,7 @@ def main() -> None:
     record = {"sets": sets, "all": together(every)}
     roots = " ".join(f"sets/{root.name}" for root in args.data)
     command = f"python -m benchmarks.accuracy.measuring --data {roots} --model {args.model}"
-    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
+    write_record(args.json, record, command=command, hashes={"model_sha256": model_run(args.model).sha256})
     print(json.dumps(record, indent=1))
 
 

@@ -19,13 +19,13 @@ import cv2
 from adjustText import adjust_text
 
 from benchmarks.methods.classical import classical_method
+from benchmarks.model_run import model_run
 from benchmarks.record import write_record
 from benchmarks.turns import answers_in_turns
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.methods import Method, estimator_method, sgbm_method
 from endosdk.evaluation.scores import ScoreBoard
-from endosdk.runtime.models import read_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def named_model(entry: str, threads: int) -> tuple[str, str, Method]:
     file, _, size = (rest or name).partition("@")
     width, _, height = size.partition("x")
     network_size = (int(width), int(height)) if size else None
-    return name, read_model(file).sha256, estimator_method(file, threads=threads, network_size=network_size)
+    return name, model_run(file).sha256, estimator_method(file, threads=threads, network_size=network_size)
 
 
 def measure(methods: dict[str, Method], samples: list[Sample]) -> dict[str, dict[str, float]]:

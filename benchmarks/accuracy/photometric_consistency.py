@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.model_records import models_parser, record_models
+from benchmarks.model_run import model_run
 from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, Reason, StereoCalibration, _core
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.pictures import read_frame
 from endosdk.runtime.maps import MapMemory
-from endosdk.runtime.models import read_model
 from endosdk.runtime.session import StereoSession, padded
 
 Picture = NDArray[np.uint8]
@@ -51,7 +51,7 @@ class Answerer:
 
     def __init__(self, model: str) -> None:
         self.model = model
-        self.session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2)
+        self.session = StereoSession(model_run(model), threads=2)
 
     def __call__(self, left: Picture, right: Picture, rig: StereoCalibration | None = None) -> BothAnswers:
         found = DepthEstimator(self.model, calibration=rig, threads=2).predict(left, right)

@@ -29,7 +29,6 @@ import numpy as np
 from benchmarks.accuracy.films import KINDS, FilmFrame, film, film_seeds
 from benchmarks.record import write_record
 from endosdk import DepthEstimator
-from endosdk.runtime.models import read_model
 from endosdk.simulation.rasteriser import Rasteriser
 
 FIRST_SEED = 950_000
@@ -147,7 +146,7 @@ def main() -> None:
         f"scenes of seed {FIRST_SEED} on with an instrument, each as {', '.join(KINDS)}; rendered as drawn"
     )
     command = f"python -m benchmarks.accuracy.temporal --scenes {args.scenes} --model {args.model}"
-    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
+    write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
 
 
 if __name__ == "__main__":

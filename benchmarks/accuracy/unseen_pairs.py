@@ -14,11 +14,11 @@ import argparse
 import sys
 from pathlib import Path
 
+from benchmarks.model_run import model_run
 from benchmarks.record import write_record
 from endosdk.datasets.layouts import default_split, open_dataset
 from endosdk.evaluation.methods import estimator_method, evaluate, sgbm_method
 from endosdk.evaluation.sgbm import SgbmSettings
-from endosdk.runtime.models import read_model
 
 PARTS = ("all", "non_occluded", "occluded", "edges", "in_range", "valid")
 
@@ -49,7 +49,7 @@ def main() -> None:
     command += f"--layout {args.layout} --split {split} --models {' '.join(args.models)} --sgbm-range {args.sgbm_range}"
     command += f" --pairs {args.pairs}" if args.pairs else ""
     dataset = {"name": reader.name, "split": split, "sha256": reader.sha256}
-    hashes = {"models": {name: read_model(name).sha256 for name in args.models}}
+    hashes = {"models": {name: model_run(name).sha256 for name in args.models}}
     write_record(args.json, {"dataset": dataset, "methods": scores}, command=command, hashes=hashes)
     for name, score in scores.items():
         for part in PARTS:

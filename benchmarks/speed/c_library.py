@@ -25,10 +25,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.model_run import model_run
 from benchmarks.record import Hashes, write_part
 from endosdk import DepthEstimator
 from endosdk.datasets.samples import sample_pairs
-from endosdk.runtime.models import read_model, shipped_models
+from endosdk.runtime.models import shipped_models
 from tests.c_library import binding
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -182,7 +183,7 @@ def fuzz_result(name: str, process: subprocess.Popen[str]) -> dict[str, Any]:
 def hashes(part: str) -> Hashes:
     """Return the hashes of the model files that a part runs."""
     measured = {"overhead": [model for model, *_ in TIMED], "streams": STREAMED}.get(part, [TINY_MODEL])
-    return {"model_sha256": {Path(model).stem: read_model(model).sha256 for model in measured}}
+    return {"model_sha256": {Path(model).stem: model_run(model).sha256 for model in measured}}
 
 
 PARTS = {"steadiness": steadiness, "overhead": overhead, "streams": streams, "sanitizers": sanitizers, "fuzz": fuzz}

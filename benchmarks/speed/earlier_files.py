@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.model_run import model_run
 from benchmarks.record import signed
 from endosdk import DepthEstimator
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
 from endosdk.io.whole_files import write_json
-from endosdk.runtime.models import read_model
 
 LARGEST_DIFFERENCE_PX = 0.05  # on average; files of other weights differ by more
 
@@ -73,7 +73,7 @@ def main() -> None:
     for model in args.models:
         earlier = args.earlier / f"{model}.onnx"
         found = compare(earlier, model, reader, args.pairs)
-        hashes = {"model_sha256": read_model(model).sha256, "earlier_sha256": read_model(earlier).sha256}
+        hashes = {"model_sha256": model_run(model).sha256, "earlier_sha256": model_run(earlier).sha256}
         options = f"--earlier DIR --data {reader.name} --pairs {args.pairs} --models {model}"
         models[model] = signed(found, command=f"python -m benchmarks.speed.earlier_files {options}", hashes=hashes)
         print(model, found)

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.model_run import model_run
 from benchmarks.record import write_record
 from endosdk import DepthEstimator
 from endosdk.datasets.samples import RawPair, sample_pairs
 from endosdk.io.progress import progress
 from endosdk.jobs.bench import burdened, time_frames
-from endosdk.runtime.models import read_model
 
 MODELS = ("fast", "fast-320", "accurate")
 SIZE = (960, 720)
@@ -73,7 +73,7 @@ def main() -> None:
     pairs = [pair.resized(*SIZE) for pair in sample_pairs()]
     models = {name: measured(name, pairs, args.frames) for name in progress(MODELS, unit="model")}
     record = {"size": list(SIZE), "threads": THREADS, "frames": TURNS * args.frames, "models": models}
-    hashes = {"model_sha256": {name: read_model(name).sha256 for name in MODELS}}
+    hashes = {"model_sha256": {name: model_run(name).sha256 for name in MODELS}}
     write_record(
         args.json, record, command=f"python -m benchmarks.speed.spinning --frames {args.frames}", hashes=hashes
     )

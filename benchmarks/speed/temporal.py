@@ -18,7 +18,6 @@ from benchmarks.record import write_record
 from endosdk import DepthEstimator, DepthResult
 from endosdk.io.pictures import read_frame
 from endosdk.live.frames import Picture
-from endosdk.runtime.models import read_model
 
 DEMO = Path(__file__).parents[2] / "examples" / "data" / "demo"
 FRAMES, ROUNDS, SETTLED = 24, 5, 4
@@ -80,7 +79,7 @@ def main() -> None:
         "allowed_share": ALLOWED,
     }
     command = f"python -m benchmarks.speed.temporal --model {args.model} --threads {args.threads}"
-    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
+    write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
     print(record)
 
 

@@ -26,7 +26,6 @@ from endosdk.live.frames import Frame, Picture
 from endosdk.live.sources.source import Source
 from endosdk.live.viewer import Player, Server
 from endosdk.live.viewer.player import Shown
-from endosdk.runtime.models import read_model
 
 DATA = Path(__file__).parents[2] / "examples" / "data"
 ROUNDS = 5
@@ -119,7 +118,7 @@ def main() -> None:
         "pictures_a_second": round(pictures / ROUNDS / (WARM_S + MEASURED_S), 2),
     }
     command = f"python -m benchmarks.speed.viewer --model {args.model} --threads {args.threads}"
-    write_record(args.json, record, command=command, hashes={"model_sha256": read_model(args.model).sha256})
+    write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
     print(record)
 
 

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.model_records import models_parser, record_models
+from benchmarks.model_run import model_run
 from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, _core
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.scores import ScoreBoard
-from endosdk.runtime.models import read_model
 from endosdk.runtime.session import StereoSession, padded
 
 COLUMNS = ("epe_px", "kpe_1", "kpe_2", "kpe_3", "kpe_5")
@@ -28,7 +28,7 @@ COLUMNS = ("epe_px", "kpe_1", "kpe_2", "kpe_3", "kpe_5")
 def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
     """Errors of both ways over the first ``pairs`` of a split."""
     estimator = DepthEstimator(model, threads=2)
-    session = StereoSession(read_model(model, integer_units=_core.has_integer_units()), threads=2)
+    session = StereoSession(model_run(model), threads=2)
     boards = {"bilinear": ScoreBoard(), "joint_bilateral": ScoreBoard()}
     for number in range(pairs):
         sample = reader[number]

@@ -8,7 +8,9 @@ import pytest
 
 from benchmarks import model_records
 from benchmarks.accuracy import trust
+from endosdk import _core
 from endosdk.errors import InvalidArgument
+from endosdk.runtime.models import read_model
 from tests.conftest import TINY_MODEL
 
 MODEL = str(TINY_MODEL)
@@ -78,9 +80,14 @@ def test_what_is_measured_on_other_pairs_does_not_join(run, tmp_path, said, opti
     assert json.loads((tmp_path / "trust.json").read_text()) == before
 
 
+def test_the_hash_is_that_of_the_file_that_ran(run, monkeypatch):
+    monkeypatch.setattr(_core, "wants_float32_model", lambda provider: True)
+    assert run(model="fast")["models"]["fast"]["model_sha256"] == read_model("fast-fp32").sha256
+
+
 def test_cases_of_another_model_file_do_not_join(run, monkeypatch):
     run()
-    monkeypatch.setattr(model_records, "read_model", lambda name: SimpleNamespace(sha256="cd" * 32))
+    monkeypatch.setattr(model_records, "model_run", lambda name: SimpleNamespace(sha256="cd" * 32))
     with pytest.raises(InvalidArgument, match=r"models: must have the SHA-256 of .* in trust.json, .*; got cdcd"):
         run("--cases", *CASES)
     run()  # all cases of the model are measured anew: nothing of the other file stays
