@@ -1,10 +1,14 @@
 """The bench of trust runs, spoils what it says it spoils, and counts what it says it counts."""
 
+from collections import Counter
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from benchmarks.accuracy.trust import Tally, measure
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
-from endosdk import Cause, DepthEstimator, StereoCalibration
+from endosdk import Cause, DepthEstimator, Reason, Status, StereoCalibration
 from endosdk.datasets.dataset import Sample
 from tests.conftest import TINY_MODEL, shifted_pair
 
@@ -61,3 +65,122 @@ def test_a_wrong_answer_is_counted_as_wrong():
     tally.add(sample, answer, Case("a block off", lambda s, rng: s, (Cause.COVERED,)), 31.0)
     assert tally.pixels["wrong"] >= 40 * 100
     assert tally.result(Case("a block off", lambda s, rng: s))["wrong_called_valid"] > 0.9
+
+
+AS_IT_IS = Case("as it is", lambda sample, rng: sample)
+FAULTY = Case("covered", lambda sample, rng: sample, (Cause.COVERED, Cause.DIM))
+
+
+def row_of(count, **truth):
+    """A sample of one row of pixels, all 100 mm away: 1000 px mm over 8 px, and 2 px that the rig has between."""
+    pixels = {"disparity": np.full((1, count), 8, np.float32), "occlusion": None, "info": {}} | truth
+    views = np.zeros((2, 1, count, 3), np.uint8)
+    return Sample("1", *views, pixels["disparity"], None, pixels["occlusion"], 200.0, 5.0, 2.0, pixels["info"])
+
+
+def tallied(sample, status=Status.OK, causes=(), largest=31.0, case=AS_IT_IS, **maps):
+    """Count an answer whose maps are right and sure but for what is given; each map is the list of its row."""
+    count = sample.disparity.shape[1]
+    right = {"disparity": [8] * count, "depth": [100] * count, "sigma": [1] * count, "confidence": [0.9] * count}
+    rows = {name: np.array([row], np.float32) for name, row in (right | maps).items() if name != "reasons"}
+    reasons = np.array([maps.get("reasons", [0] * count)], np.uint8)
+    answer = SimpleNamespace(status=status, causes=causes, reasons=reasons, sigma_map=rows["sigma"], **rows)
+    tally = Tally()
+    tally.add(sample, answer, case, largest)
+    return tally
+
+
+def test_a_pixel_is_right_within_one_px_and_wrong_beyond_three():
+    found = tallied(row_of(8), disparity=[8, 9, 7, 9.25, 11, 11.25, 4.75, 5]).pixels
+    assert (found["right"], found["wrong"], found["known"]) == (3, 2, 8)
+
+
+@pytest.mark.parametrize("off", [0, 6])
+def test_other_thresholds_of_confidence_drop_what_has_no_other_reason(off):
+    unsure, hidden = Reason.LOW_CONFIDENCE, Reason.OUTSIDE_OVERLAP
+    confidence = [0.4, 0.5, 0.65, 0.75, 0.75, 0.9, 0.9, 0.9]
+    reasons = [unsure, unsure, unsure, unsure, 0, 0, hidden, unsure | hidden]
+    found = tallied(row_of(8), disparity=[8 + off] * 8, confidence=confidence, reasons=reasons).pixels
+    kind = "wrong" if off else "right"
+    assert found[kind] == 8 and found[f"{kind}_valid"] == found["known_valid"] == 2
+    assert [found[f"{kind}_from_{threshold}"] for threshold in (0.5, 0.6, 0.7, 0.8)] == [5, 4, 3, 1]
+    assert not any(found[f"{'right' if off else 'wrong'}{rest}"] for rest in ("", "_valid", "_from_0.5"))
+
+
+def test_errors_of_depth_within_one_and_within_two_sigma():
+    """Of valid pixels alone; a third sigma is not within two."""
+    depth, sigma = [100, 102, 98, 102.5, 96, 104.5, 95, 100], [2] * 7 + [9]
+    found = tallied(row_of(8), depth=depth, sigma=sigma, reasons=[0] * 7 + [int(Reason.LOW_CONFIDENCE)])
+    assert found.pixels["known_valid"] == 7
+    assert (found.pixels["within_sigma"], found.pixels["within_two_sigma"]) == (3, 5)
+    # All have a sigma of 2 mm, and errors of (0 + 2 + 2 + 2.5 + 4 + 4.5 + 5) / 7 = 20 / 7 mm in the mean.
+    assert found.result(AS_IT_IS)["sigma_ece_mm"] == pytest.approx(20 / 7 - 2, abs=5e-4)
+
+
+def test_pixels_without_a_truth_that_can_be_found_count_as_neither():
+    truth = np.array([[np.nan, 1, 1.5, 30.5, 31, 40, 8, 8]], np.float32)
+    occlusion = np.array([[False] * 7 + [True]])
+    found = tallied(row_of(8, disparity=truth, occlusion=occlusion), disparity=truth[0] + 5).pixels
+    assert found["known"] == found["wrong"] == 3
+
+
+def test_pixels_outside_the_field_of_view_are_counted_apart():
+    outside = np.array([[True, True, True, False, False]])
+    found = tallied(row_of(5, info={"outside": outside}), reasons=[int(Reason.OUTSIDE_VIEW), 0, 0, 0, 0]).pixels
+    assert (found["outside"], found["outside_valid"]) == (3, 2)
+
+
+def test_confidence_is_judged_by_how_it_ranks_the_errors():
+    errors = np.arange(70.0)
+    sure = 1 - (errors + 1) / 100
+    ranked, reverse = (
+        tallied(row_of(70), disparity=8 + errors, confidence=one).result(AS_IT_IS) for one in (sure, sure[::-1])
+    )
+    assert ranked["ause"] == 0 and reverse["ause"] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("status", "causes", "named"),
+    [
+        (Status.INVALID, (Cause.COVERED,), 1),
+        (Status.DEGRADED, (Cause.BLURRED, Cause.DIM), 1),
+        (Status.INVALID, (Cause.BLURRED,), 0),
+        (Status.OK, (Cause.DIM,), 0),
+    ],
+)
+def test_a_fault_is_named_by_a_frame_that_is_not_ok_and_has_one_of_its_causes(status, causes, named):
+    tally = tallied(row_of(1), status, causes, case=FAULTY)
+    assert tally.named == named
+    assert tally.status == {status.name: 1} and tally.causes == {cause.name: 1 for cause in causes}
+
+
+def test_shares_are_of_what_their_names_say():
+    """Known: 1000 pixels, half of them valid. No two shares are equal."""
+    pixels = Counter(known=1000, known_valid=500, within_sigma=300, within_two_sigma=450)
+    pixels.update(right=800, right_valid=400, wrong=50, wrong_valid=5, outside=40, outside_valid=1)
+    for i, threshold in enumerate((0.5, 0.6, 0.7, 0.8)):
+        pixels.update({f"right_from_{threshold}": 8 * (90 - i), f"wrong_from_{threshold}": 40 - i})
+    tally = Tally(pixels, Counter(OK=3, INVALID=5), Counter(DIM=2), named=2, areas=[0.1, 0.4])
+    plain = tally.result(AS_IT_IS)
+    assert plain == {
+        "pairs": 8,
+        "status": {"OK": 3, "INVALID": 5},
+        "causes": {"DIM": 2},
+        "right": 0.8,
+        "right_called_valid": 0.5,
+        "wrong": 0.05,
+        "wrong_called_valid": 0.1,
+        "wrong_of_valid": 0.01,
+        "called_valid_by_min_confidence": {
+            "0.5": {"right": 0.9, "wrong": 0.8},
+            "0.6": {"right": 0.89, "wrong": 0.78},
+            "0.7": {"right": 0.88, "wrong": 0.76},
+            "0.8": {"right": 0.87, "wrong": 0.74},
+        },
+        "outside_called_valid": 0.025,
+        "within_sigma": 0.6,
+        "within_two_sigma": 0.9,
+        "ause": 0.25,
+        "sigma_ece_mm": None,
+    }
+    assert tally.result(FAULTY) == plain | {"expected": ["COVERED", "DIM"], "named": 0.25}
