@@ -5,7 +5,8 @@
 Each variant is checked against the processor's answer before it is timed; one that cannot run or is too far off is
 recorded as such. Times are of one pair: with inputs and outputs on the device, with both copied, and with inputs copied
 from page-locked memory. The floors are what the card's arithmetic and memory allow at best. Compared with the same
-network in torch with torch.compile.
+network in torch, which answers the same pair from the device, is checked in the same way, and does not round to TF32
+either. It is compiled by torch.compile, unless ``--eager`` is given.
 ``--provider cpu`` runs the same code where there is no card.
 """
 
@@ -47,6 +48,7 @@ SWEEP: dict[str, tuple[str, ...]] = {
 }
 # Mean difference from the processor's answer, px, up to which a variant is fit for use.
 LARGEST_DIFFERENCE = 0.05
+TOO_FAR = "too far from the processor's answer"
 
 
 @dataclass(frozen=True)
@@ -156,18 +158,27 @@ def variants(device: Card) -> list[Options]:
     return [dict(zip(SWEEP, values, strict=True)) for values in itertools.product(*SWEEP.values())]
 
 
+def parity_of(answer: Array, truth: Array) -> dict[str, float]:
+    """Return how far an answer is from the processor's, px."""
+    difference = np.abs(answer - truth)
+    return {"mean_px": float(difference.mean()), "max_px": float(difference.max())}
+
+
+def fits(parity: dict[str, float]) -> bool:
+    return parity["mean_px"] <= LARGEST_DIFFERENCE  # NaN does not
+
+
 def measure_variant(
     model: bytes, device: Card, options: Options, feed: dict[str, Array], truth: list[Array], frames: int
 ) -> dict[str, Any]:
     """Check and time one variant."""
     try:
         bound = BoundSession(model, device, options, feed, truth)
-        difference = np.abs(bound.run_with_copies(feed)[0] - truth[0])
+        parity = parity_of(bound.run_with_copies(feed)[0], truth[0])
     except Exception as error:  # the runtime has its own exception types with no common base
         return {"options": options, "failed": str(error).splitlines()[0]}
-    parity = {"mean_px": float(difference.mean()), "max_px": float(difference.max())}
-    if not parity["mean_px"] <= LARGEST_DIFFERENCE:  # NaN, too
-        return {"options": options, "parity": parity, "failed": "too far from the processor's answer"}
+    if not fits(parity):
+        return {"options": options, "parity": parity, "failed": TOO_FAR}
     feeds = {"with_copies_ms": feed}
     if device.provider == "cuda":
         feeds["with_page_locked_copies_ms"] = {name: page_locked(view) for name, view in feed.items()}
@@ -181,26 +192,32 @@ def measure_variant(
 
 
 def measure_torch(
-    name: str, stride: int, device: Card, size: tuple[int, int], frames: int, compiled: bool
+    name: str, device: Card, feed: dict[str, Array], truth: list[Array], frames: int, compiled: bool
 ) -> dict[str, Any]:
-    """Time the network of a shipped model in torch, with an answer for every ``stride`` pixels."""
-    width, height = size
+    """Check and time the network of a shipped model in torch, with an answer of the size of the truth."""
+    torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = False
     place = "cuda" if device.provider == "cuda" else "cpu"
     built = checkpoint.load(checkpoint.starting_point(name.removesuffix("-fp32"))).build()
-    built.deploy_at(stride)
+    built.deploy_at(feed["left"].shape[-1] // truth[0].shape[-1])
     network = Deployed(built.export_form()).eval().to(place)
-    views = [torch.zeros(1, 3, height, width, dtype=torch.uint8, device=place) for _ in range(2)]
+    views = [torch.from_numpy(feed[side]).to(place) for side in ("left", "right")]
     call = torch.compile(network, mode="max-autotune") if compiled else network
 
-    def run() -> None:
-        call(*views)
+    def run() -> torch.Tensor:
+        disparity: torch.Tensor = call(*views)[0]
         if place == "cuda":
             torch.cuda.synchronize()
+        return disparity
 
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {"compiled": compiled}
     for precision in ("fp32", "fp16"):
         with torch.inference_mode(), torch.autocast(place, torch.float16, enabled=precision == "fp16"):
-            found[precision] = spread(run, frames, frames // 10 + 1)
+            parity = parity_of(run().float().cpu().numpy(), truth[0])
+            found[precision] = {"parity": parity}
+            if fits(parity):
+                found[precision] |= spread(run, frames, frames // 10 + 1)
+            else:
+                found[precision]["failed"] = TOO_FAR
     return found
 
 
@@ -231,7 +248,7 @@ def measure_model(name: str, device: Card, size: tuple[int, int], frames: int, c
         "gmacs": cost.macs / 1e9,
         "conv_megabytes_fp32": cost.conv_bytes / 1e6,
         "variants": results,
-        "torch": measure_torch(name, size[0] // truth[0].shape[-1], device, size, frames, compiled),
+        "torch": measure_torch(name, device, feed, truth, frames, compiled),
     }
 
 

@@ -4,7 +4,9 @@ import json
 
 import numpy as np
 import onnx
+import onnxruntime as ort
 import pytest
+import torch
 
 from benchmarks.speed import gpu
 from benchmarks.speed.graph_cost import graph_cost
@@ -33,14 +35,34 @@ def test_record_of_a_run_on_the_processor(tmp_path):
         assert variant["with_copies_ms"]["p99"] >= variant["with_copies_ms"]["p50"]
         assert 0 < variant["share_of_floor"]["arithmetic"]
     assert half["floors_ms"]["traffic"] == single["floors_ms"]["traffic"] / 2
-    assert set(found["torch"]) == {"fp32", "fp16"}
+    single, half = (found["torch"][precision] for precision in ("fp32", "fp16"))
+    assert single["parity"]["max_px"] < 1e-3 and single["p50"] > 0
+    assert ("p50" in half) == (half["parity"]["mean_px"] <= gpu.LARGEST_DIFFERENCE)
+    assert found["torch"]["compiled"] is False
+
+
+def answers_of(name, feed):
+    session = ort.InferenceSession(read_model(name).data, providers=["CPUExecutionProvider"])
+    return session.run(["disparity", "confidence"], feed)
 
 
 def test_every_model_that_suits_a_card_has_its_network_in_torch():
     names = gpu.float_models()
     assert {"fast-fp32", "accurate-fp32", "wang2020"} <= set(names)
+    feed = gpu.pair_of(160, 96)
     for name in names:
-        assert gpu.measure_torch(name, 2, PROCESSOR, (160, 96), 1, compiled=False)["fp32"]["p50"] > 0
+        found = gpu.measure_torch(name, PROCESSOR, feed, answers_of(name, feed), 1, compiled=False)["fp32"]
+        assert found["parity"]["max_px"] < 1e-2 and found["p50"] > 0
+
+
+def test_torch_is_not_timed_where_it_is_wrong_and_does_not_round_to_tf32():
+    torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = True
+    feed = gpu.pair_of(*SIZE)
+    wrong = [answer + 1 for answer in answers_of("fast-fp32", feed)]
+    found = gpu.measure_torch("fast-fp32", PROCESSOR, feed, wrong, 1, compiled=False)
+    for precision in ("fp32", "fp16"):
+        assert found[precision]["failed"] == gpu.TOO_FAR and "p50" not in found[precision]
+    assert not torch.backends.cuda.matmul.allow_tf32 and not torch.backends.cudnn.allow_tf32
 
 
 def test_sides_of_the_pictures_are_known_before_a_card_compiles(model):
