@@ -22,10 +22,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.accuracy.fault_naming import rig_of
 from benchmarks.model_run import model_run
 from benchmarks.record import write_record
-from endosdk import DepthEstimator, DepthResult, StereoCalibration
-from endosdk.datasets.dataset import Sample
+from endosdk import DepthEstimator, DepthResult
+from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.measure import Measured, area, distance, point_at
@@ -160,17 +161,17 @@ def table(scores: list[tuple[bool, float, float]]) -> dict[str, float]:
 Scores = dict[str, dict[str, list[tuple[bool, float, float]]]]  # by kind of object and by what is measured
 
 
-def measure_set(renderer: Renderer, root: Path, model: str, rng: np.random.Generator) -> tuple[dict[str, int], Scores]:
+def measure_set(
+    renderer: Renderer, reader: DatasetReader, model: str, rng: np.random.Generator
+) -> tuple[dict[str, int], Scores]:
     """Measure on every object of a set; return how many there are and the scores."""
     counts = dict.fromkeys(KINDS, 0)
     scores: Scores = {kind: defaultdict(list) for kind in KINDS}
-    for sample in open_dataset(root, "test"):
+    for sample in reader:
         found = [(kind, piece) for kind, mask in objects(renderer, sample) for piece in pieces(mask)]
         if not found:
             continue
-        size = sample.disparity.shape[1], sample.disparity.shape[0]
-        rig = StereoCalibration.rectified(focal_px=sample.focal_px, baseline_mm=sample.baseline_mm, size=size)
-        with DepthEstimator(model, calibration=rig, threads=1) as estimator:
+        with DepthEstimator(model, calibration=rig_of(sample), threads=1) as estimator:
             result = estimator.predict(sample.left, sample.right)
         truth = with_true_depth(result, sample.disparity)
         for kind, piece in found:
@@ -201,14 +202,16 @@ def main() -> None:
     rng = np.random.default_rng(0)
     sets: dict[str, Any] = {}
     every: list[dict[str, list[tuple[bool, float, float]]]] = []
-    for root in args.data:
-        counts, scores = measure_set(renderer, root, args.model, rng)
+    readers = [open_dataset(root, "test") for root in args.data]
+    for reader in readers:
+        counts, scores = measure_set(renderer, reader, args.model, rng)
         kinds = {kind: together([scores[kind]]) for kind in KINDS if counts[kind]}
-        sets[root.name] = {"objects": counts, **kinds, "all": together(scores.values())}
+        data = {"split": reader.split, "sha256": reader.sha256}
+        sets[reader.name] = {**data, "objects": counts, **kinds, "all": together(scores.values())}
         every += scores.values()
     record = {"sets": sets, "all": together(every)}
-    roots = " ".join(f"sets/{root.name}" for root in args.data)
-    command = f"python -m benchmarks.accuracy.measuring --data {roots} --model {args.model}"
+    names = " ".join(reader.name for reader in readers)
+    command = f"python -m benchmarks.accuracy.measuring --data {names} --model {args.model}"
     write_record(args.json, record, command=command, hashes={"model_sha256": model_run(args.model).sha256})
     print(json.dumps(record, indent=1))
 
