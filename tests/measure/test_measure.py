@@ -166,6 +166,50 @@ def test_an_outline_that_crosses_itself_is_refused(plane):
         area(plane, [(40, 30), (80, 30)])
 
 
+@pytest.mark.parametrize(
+    "outline",
+    [
+        [(40, 30), (80, 70), (80, 30), (60, 50), (40, 70)],  # a corner on a line
+        [(40, 30), (60, 50), (80, 70), (80, 30), (60, 50), (40, 70)],  # two corners at one place
+    ],
+)
+def test_an_outline_that_crosses_itself_at_a_corner_is_refused(plane, outline):
+    for turned in range(len(outline)):
+        for way in (outline, outline[::-1]):
+            with pytest.raises(InvalidArgument, match=r"^polygon: must not cross itself; got line \d and corner \d"):
+                area(plane, way[turned:] + way[:turned])
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        [(40, 30), (80, 30), (80, 60), (40, 60), (40, 30)],  # closed
+        [(40, 30), (80, 30), (80, 30), (80, 60), (40, 60)],  # a corner twice
+        [(40, 30), (80, 30), (80, 60), (60, 60), (60, 30), (60, 60), (40, 60)],  # out and back to the other side
+    ],
+)
+def test_an_outline_that_touches_itself_has_an_area(plane, outline):
+    assert area(plane, outline).flat.value == pytest.approx(20 * 15, rel=1e-6)
+
+
+def test_an_outline_with_a_hole_has_the_area_between(plane):
+    hole = [(50, 40), (50, 50), (60, 50), (60, 40), (50, 40)]
+    found = area(plane, [(40, 30), *hole, (40, 30), (80, 30), (80, 60), (40, 60)])
+    assert found.flat.value == pytest.approx(20 * 15 - 5 * 5, rel=1e-6)
+
+
+def test_the_plane_is_fitted_to_the_whole_of_an_outline_of_any_height():
+    """Of 600 rows, one pixel each is taken. They must not be one column: noise would tilt a plane along it."""
+    rig = StereoCalibration.rectified(focal_px=400.0, baseline_mm=5.0, size=(800, 640))
+    result = DepthEstimator(str(TINY_MODEL), calibration=rig).predict(*shifted_pair(640, 800, 10))
+    depth = np.random.default_rng(1).normal(100, 0.5, result.depth.shape).astype(np.float32)
+    wall = with_maps(result, depth=depth, sigma=np.full_like(depth, 0.5), reasons=np.zeros_like(result.reasons))
+    for height in (590, 599, 600):
+        found = area(wall, [(20, 20), (780, 20), (780, 20 + height), (20, 20 + height)])
+        assert found.flat.value == pytest.approx(760 * height / 16, rel=1e-3)
+        assert found.relief.value == pytest.approx(2 * 1.96 * 0.5, rel=0.02)
+
+
 def test_relief_of_a_step(plane):
     depth = plane.depth.copy()
     depth[40:50, 50:70] -= 4

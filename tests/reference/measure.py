@@ -60,7 +60,7 @@ def area(result: DepthResult, polygon: Array) -> tuple[float, float, float, floa
     pixels = np.column_stack([columns, rows]).astype(float)
     origin = pixels.mean(axis=0)
     count = min(len(pixels), 600)
-    some = np.arange(count) * (len(pixels) - 1) // (count - 1)
+    some = ((np.arange(count) + np.arange(count) * 0.6180339887498949 % 1) * len(pixels) / count).astype(int)
     weight = depth[some] ** 2 / errors[some]
     fitted = np.linalg.pinv(np.column_stack([np.ones(count), pixels[some] - origin]) * weight[:, None])
     plane = fitted @ (weight / depth[some])

@@ -15,6 +15,9 @@ constexpr size_t most_corners = 10'000;  // of a polygon
 
 constexpr size_t most_fitted = 600;  // neighbouring pixels hardly know more than one of them
 
+// Multiples of it, without their whole part, are spread over 0 to 1 at any number of them.
+constexpr double golden = 0.6180339887498949;
+
 // Standard error of the relief over that of a pixel: the extremes of many pixels stray further than one does. With it,
 // 95 % intervals cover about that share of the reliefs of rendered training scenes.
 constexpr double relief_factor = 2.3;
@@ -46,6 +49,26 @@ bool segments_cross(const Point& a, const Point& b, const Point& c, const Point&
   return side_of(a, b, c) * side_of(a, b, d) < 0.0 && side_of(c, d, a) * side_of(c, d, b) < 0.0;
 }
 
+bool same(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y; }
+
+bool lies_on(const Point& a, const Point& b, const Point& p) {
+  return side_of(a, b, p) == 0.0 && (p.x - a.x) * (p.x - b.x) + (p.y - a.y) * (p.y - b.y) <= 0.0;
+}
+
+// Whether a point lies left of the way from a over p to b; 0 if it lies on it.
+int left_of_way(const Point& a, const Point& p, const Point& b, const Point& point) {
+  const double first = side_of(a, p, point);
+  const double second = side_of(p, b, point);
+  const double bend = side_of(a, p, b);
+  if (bend > 0.0 ? (first > 0.0 && second > 0.0) : (first > 0.0 || second > 0.0)) return 1;
+  return bend > 0.0 ? (first < 0.0 || second < 0.0 ? -1 : 0) : (first < 0.0 && second < 0.0 ? -1 : 0);
+}
+
+// Whether an outline goes through the way from a over p to b at p. One that touches it, or goes along with it, does not.
+bool goes_through(const Point& a, const Point& p, const Point& b, const Point& before, const Point& after) {
+  return left_of_way(a, p, b, before) * left_of_way(a, p, b, after) < 0;
+}
+
 void check_polygon(const MeasuredMaps& maps, const std::vector<Point>& polygon) {
   require(polygon.size() >= 3 && polygon.size() <= most_corners, "polygon", Text("must be 3 to ", most_corners, " pixels"),
           polygon.size());
@@ -54,10 +77,19 @@ void check_polygon(const MeasuredMaps& maps, const std::vector<Point>& polygon) 
     require(inside, "polygon", Text("must lie in the map of ", maps.size), Text(p.x, ", ", p.y));
   }
   // Where the outline crosses itself, nobody can say what is inside.
-  for (size_t i = 0; i < polygon.size(); ++i) {
-    for (size_t k = i + 2; k < polygon.size(); ++k) {
-      const bool crossed = segments_cross(polygon[i], polygon[i + 1], polygon[k], polygon[(k + 1) % polygon.size()]);
+  const size_t count = polygon.size();
+  const auto corner = [&](size_t i) { return polygon[i % count]; };
+  for (size_t i = 0; i < count; ++i) {
+    for (size_t k = i + 2; k < count; ++k) {
+      const bool crossed = segments_cross(corner(i), corner(i + 1), corner(k), corner(k + 1));
       require(!crossed, "polygon", "must not cross itself", Text("lines ", i, " and ", k));
+    }
+    for (size_t k = 0; k < count; ++k) {
+      const Point p = corner(k);
+      if (k == i || k == (i + 1) % count || !lies_on(corner(i), corner(i + 1), p) || same(p, corner(i + 1))) continue;
+      const Point from = same(p, corner(i)) ? corner(i + count - 1) : corner(i);
+      const bool crossed = goes_through(from, p, corner(i + 1), corner(k + count - 1), corner(k + 1));
+      require(!crossed, "polygon", "must not cross itself", Text("line ", i, " and corner ", k));
     }
   }
 }
@@ -106,7 +138,9 @@ Plane fit(const std::vector<Seen>& seen, double correlation_length) {
   Mat3 normal{};
   Vec3 target{};
   for (size_t i = 0; i < count; ++i) {
-    const Seen& s = seen[i * (seen.size() - 1) / (count - 1)];
+    // One of every stretch of the pixels. Always the same place of a stretch would be one column, if a stretch is a row.
+    const double place = static_cast<double>(i) + std::fmod(static_cast<double>(i) * golden, 1.0);
+    const Seen& s = seen[static_cast<size_t>(place * static_cast<double>(seen.size()) / static_cast<double>(count))];
     const double weight = s.depth * s.depth / s.standard_error;  // 1 over the standard error of 1 / depth
     places[i] = s.pixel;
     rows[i] = {weight, weight * (s.pixel.x - plane.origin.x), weight * (s.pixel.y - plane.origin.y)};
