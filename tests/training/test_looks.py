@@ -38,6 +38,15 @@ def test_looks_leave_the_truth_alone(look, monkeypatch):
     np.testing.assert_array_equal(plain.disparity, changed.disparity)
 
 
+def test_a_rig_that_moved_leaves_points_in_their_columns():
+    across = np.tile(np.linspace(0, 255, 192).astype(np.uint8)[None, :, None], (256, 1, 3))
+    down = np.ascontiguousarray(across.swapaxes(0, 1))
+    for seed in range(8):
+        assert np.array_equal(looks.misaligned(across, np.random.default_rng(seed), rows_px=2.0, degrees=2.0), across)
+        moved = looks.misaligned(down, np.random.default_rng(seed), rows_px=2.0, degrees=2.0)
+        assert not np.array_equal(moved, down)
+
+
 def test_there_is_no_truth_outside_the_field_of_view():
     for seed in range(12):
         shown, other = looks.field_of_view((120, 160), np.random.default_rng(seed))

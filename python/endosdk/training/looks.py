@@ -145,9 +145,13 @@ def outside_dark(view: Image, shown: Mask, rng: Generator) -> Image:
 
 
 def misaligned(view: Image, rng: Generator, *, rows_px: float, degrees: float) -> Image:
-    """Shift rows and turn, each by up to so much either way: what is left after a calibration, or came since."""
+    """Shift rows and slant them, each by up to so much either way: what is left after a calibration, or came since.
+
+    Points keep their column, so that the disparity stays as it is.
+    """
     height, width = view.shape[:2]
     turn = cv2.getRotationMatrix2D((width / 2.0, height / 2.0), float(rng.uniform(-degrees, degrees)), 1.0)
+    turn[0] = 1.0, 0.0, 0.0
     turn[1, 2] += rng.uniform(-rows_px, rows_px)
     warped = cv2.warpAffine(view, turn, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(warped, dtype=np.uint8)
