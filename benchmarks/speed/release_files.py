@@ -21,6 +21,7 @@ from typing import Any
 
 from benchmarks.record import NO_MODEL, write_record
 
+ROOT = Path(__file__).parents[2]
 KINDS = {".whl": "Python wheel", ".gz": "tarball", ".deb": "Debian package"}
 LIBRARY = re.compile(r"\.so(\.[\d.]+)?$")
 GLIBC = re.compile(r"\bGLIBC_(\d+(?:\.\d+)+)")
@@ -58,6 +59,14 @@ def described(file: Path) -> dict[str, Any]:
     return {"kind": KINDS[file.suffix], "bytes": file.stat().st_size, "glibc": needed}
 
 
+def commit() -> str:
+    """Return the commit of these sources. The machine's entry has none: a wheel is installed outside of a checkout."""
+    if not (ROOT / ".git").exists():
+        return "unknown"  # they were unpacked from an archive
+    describe = ["git", "describe", "--always", "--abbrev=12", "--dirty=+changes", "--exclude=*"]
+    return subprocess.run(describe, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def _numbers(version: str) -> tuple[int, ...]:
     return tuple(map(int, version.split(".")))
 
@@ -75,11 +84,8 @@ def main() -> None:
             print(f"{'':10} {library} needs glibc {version}")
             if _numbers(version) > _numbers(arguments.floor):
                 sys.exit(f"{library} must run with glibc {arguments.floor}")
-    # The machine's entry has none: what is installed from a wheel is outside of a checkout.
-    describe = ["git", "describe", "--always", "--abbrev=12", "--dirty=+changes", "--exclude=*"]
-    commit = subprocess.run(describe, capture_output=True, text=True, check=True).stdout.strip()
     command = f"python -m benchmarks.speed.release_files {' '.join(found)} --floor {arguments.floor}"
-    record = {"commit": commit, "floor": arguments.floor, "files": found}
+    record = {"commit": commit(), "floor": arguments.floor, "files": found}
     write_record(arguments.json, record, command=command, hashes=NO_MODEL)
 
 
