@@ -2,15 +2,20 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from benchmarks.accuracy.pareto_front import label_points
-from benchmarks.methods.classical import classical_method
+from benchmarks.accuracy.pareto_front import label_points, measure
+from benchmarks.methods import classical
+from benchmarks.methods.classical import BlockMatcher, classical_method
 from endosdk.datasets.dataset import Sample
+from endosdk.evaluation import methods
+from endosdk.evaluation.methods import Answer, sgbm_method
+from endosdk.evaluation.sgbm import SgbmBaseline
 from tests.training.warped_scenes import warped_pair
 
 RECORD = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "accuracy" / "pareto_front.json"
@@ -81,3 +86,44 @@ def test_block_matching_of_the_picture_answers_everywhere():
     sample = Sample("3", left, right, truth, None, None, focal_px=100.0, baseline_mm=5.0)
     answer = classical_method("bm", {}, filled=True)(sample)
     assert np.isfinite(answer.disparity).all() and answer.milliseconds > 0
+
+
+def test_a_point_is_the_median_time_and_the_pooled_error_of_its_method():
+    truth = np.full((4, 32), 8, np.float32)
+    samples = [Sample(str(i), *np.zeros((2, 4, 32, 3), np.uint8), truth, None, None, 100.0, 5.0) for i in range(3)]
+
+    def method(off, *milliseconds):
+        times = iter([time for ms in milliseconds for time in (999, ms)])  # before each that counts, one that does not
+        return lambda sample: Answer(truth + off[int(sample.id)], milliseconds=next(times))
+
+    found = measure({"a": method((0, 2, 4), 30, 10, 20), "b": method((1, 1, 4), 7, 5, 60)}, samples)
+    assert {name: (one["ms"], one["epe_px"], one["kpe_1"], one["kpe_3"]) for name, one in found.items()} == {
+        "a": (20, 2, pytest.approx(2 / 3), pytest.approx(1 / 3)),
+        "b": (7, 2, pytest.approx(1 / 3), pytest.approx(1 / 3)),
+    }
+
+
+@pytest.mark.parametrize("filled", [False, True])
+@pytest.mark.parametrize("name", ["sgbm", "bm"])
+def test_rivals_are_timed_for_their_matching_alone(monkeypatch, name, filled):
+    """Matching takes 7 ms, filling the holes 100 ms: a user who needs no filled holes does not wait for them."""
+    left, right, truth = warped_pair(3, (64, 160), (3.0, 20.0))
+    sample = Sample("3", left, right, truth, None, None, focal_px=100.0, baseline_mm=5.0)
+    clock = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now)
+
+    def taking(milliseconds, function):
+        def run(*arguments):
+            clock.now += milliseconds / 1e3
+            return function(*arguments)
+
+        return run
+
+    for module in (methods, classical):
+        monkeypatch.setattr(module, "time", clock)
+        monkeypatch.setattr(module, "fill_holes", taking(100, module.fill_holes))
+    for matcher in (SgbmBaseline, BlockMatcher):
+        monkeypatch.setattr(matcher, "compute", taking(7, matcher.compute))
+    method = sgbm_method(filled=filled) if name == "sgbm" else classical_method(name, {}, filled=filled)
+    answer = method(sample)
+    assert answer.milliseconds == pytest.approx(7)
+    assert np.isfinite(answer.disparity).all() == filled

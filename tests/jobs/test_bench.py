@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from endosdk.commands.cli import main
 from endosdk.datasets.samples import sample_pairs
 from endosdk.evaluation.metrics import end_point_error
 from endosdk.evaluation.sgbm import SgbmBaseline
-from endosdk.jobs.bench import TURNS, BenchSettings, burdened, run_benchmark
+from endosdk.jobs import bench
+from endosdk.jobs.bench import TURNS, BenchSettings, burdened, run_benchmark, time_frames
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.rectify import rectified
+from endosdk.runtime.result import Timings
 from tests.conftest import TINY_MODEL
 
 SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "25", "--warmup", "1"]
@@ -110,6 +113,120 @@ def test_every_frame_is_timed_whatever_their_number(monkeypatch):
     record = run_benchmark(settings)
     assert record["frames"] == 27
     assert len(timed) == len(sample_pairs()) + 27 + TURNS  # the check, the frames, one to warm up for each turn
+
+
+WARMUP = 2
+
+
+class Machine:
+    """Its clock moves only while something runs. The first runs of what has not run just before take a second each."""
+
+    def __init__(self):
+        self.now, self.running, self.times = 0.0, None, 0
+
+    def perf_counter(self):
+        return self.now
+
+    def run(self, what, *milliseconds):
+        """Take the next of these times, one after the other and again from the first, once it is warm."""
+        self.times = self.times + 1 if what == self.running else 0
+        self.running = what
+        warm = self.times - WARMUP
+        self.now += 1.0 if warm < 0 else milliseconds[warm % len(milliseconds)] / 1e3
+
+
+class RightModel:
+    """What the benchmark takes for an estimator: one frame of ten takes longer, and a stream gives one every 4 ms."""
+
+    model = SimpleNamespace(name="right", version="1", sha256="abc")
+
+    def __init__(self, machine, truth):
+        self.machine, self.truth, self.asked = machine, truth, None
+
+    def __call__(self, model, **asked):
+        self.asked = asked
+        return self
+
+    def predict(self, left, right, out=None):
+        self.machine.run("predict", *[10] * 9, 60)
+        return SimpleNamespace(disparity=self.truth, timings=Timings(1.0, 2.0, 3.0))
+
+    def stream(self, source, reuse):
+        for _ in source:
+            self.machine.run("stream", 4)
+            yield None
+
+    def diagnostics(self):
+        return dict.fromkeys(("network_width", "network_height", "provider", "provider_options", "kernels"), "any")
+
+
+@pytest.fixture
+def one_opencv_thread():
+    import cv2
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    yield
+    cv2.setNumThreads(before)
+
+
+def test_rates_are_of_the_frames_after_the_warm_up_on_as_many_threads_as_asked(monkeypatch, one_opencv_thread):
+    import cv2
+
+    pair = sample_pairs()[0]
+    truth = pair.resized(480, 360).disparity
+    machine = Machine()
+    model = RightModel(machine, truth)
+    opencv_threads, programs = [], []
+
+    def match(matcher, left, right):
+        machine.run("sgbm", *[5] * 9, 35)
+        opencv_threads.append(cv2.getNumThreads())
+        return truth
+
+    def start(command, **how):
+        programs.append(command[2])
+        return SimpleNamespace(stdout=("3 100", "1 300", "2 200")[len(programs) - 1])
+
+    monkeypatch.setattr(bench, "time", machine)
+    monkeypatch.setattr(bench, "DepthEstimator", model)
+    monkeypatch.setattr(bench, "sample_pairs", lambda: [pair])
+    monkeypatch.setattr(bench, "subprocess", SimpleNamespace(run=start))
+    monkeypatch.setattr(SgbmBaseline, "compute", match)
+    record = run_benchmark(BenchSettings("right", (480, 360), (320, 240), 2, 50, WARMUP, "cpu", "sgbm", {"a": "b"}))
+
+    assert record["fps"] == pytest.approx(1000 / 15)
+    assert record["latency_ms"] == pytest.approx({"p50": 10, "p95": 60, "p99": 60, "max": 60})
+    assert record["stages_ms"] == {"rectify": 1, "session": 2, "postprocess": 3}
+    assert record["stream_fps"] == pytest.approx(1000 / 4)
+    rival = record["against"]["sgbm"]
+    assert rival["fps"] == pytest.approx(1000 / 8)
+    assert rival["latency_ms"] == pytest.approx({"p50": 5, "p95": 35, "p99": 35, "max": 35})
+    assert (record["startup_s"], record["peak_rss_mb"]) == (2, 300)  # the median of three starts, the most memory
+
+    expected = {"provider": "cpu", "provider_options": {"a": "b"}, "threads": 2, "network_size": (320, 240)}
+    assert {key: model.asked[key] for key in expected} == expected
+    assert all("threads=2, network_size=(320, 240), provider_options={'a': 'b'}" in program for program in programs)
+    timed = TURNS * (WARMUP + 10)
+    assert opencv_threads[-timed:] == [2] * timed and cv2.getNumThreads() == 1
+
+
+def test_a_frame_has_its_own_time_and_stages(monkeypatch):
+    machine = Machine()
+    answers = []
+
+    class Slower:
+        def predict(self, left, right, out):
+            assert out is (answers[-1] if answers else None)  # maps are made once, not for each frame
+            number = len(answers) + 1
+            machine.now += number / 1e3
+            answers.append(SimpleNamespace(timings=Timings(number + 0.1, number + 0.2, number + 0.3)))
+            return answers[-1]
+
+    monkeypatch.setattr(bench, "time", machine)
+    pairs = [SimpleNamespace(left=None, right=None)] * 2
+    found = np.array(time_frames(Slower(), pairs, 2, 3))
+    np.testing.assert_allclose(found, [[n, n + 0.1, n + 0.2, n + 0.3] for n in (3, 4, 5)])
 
 
 def test_a_model_that_gives_nonsense_is_not_timed():
