@@ -22,7 +22,7 @@ from endosdk.live.frames import Picture
 DEMO = Path(__file__).parents[2] / "examples" / "data" / "demo"
 FRAMES, ROUNDS, SETTLED = 24, 5, 4
 NOISE = 4.0  # grey levels
-ALLOWED = 0.10  # of a frame
+LIMIT = 0.10  # of a frame
 
 
 def film() -> list[tuple[Picture, Picture]]:
@@ -76,7 +76,7 @@ def main() -> None:
         "frame_ms": round(total, 3),
         "share_of_a_frame": round((steady - plain) / total, 4),
         "flicker_px": {"without": round(flicker[False], 4), "with": round(flicker[True], 4)},
-        "allowed_share": ALLOWED,
+        "allowed_share": LIMIT,
     }
     command = f"python -m benchmarks.speed.temporal --model {args.model} --threads {args.threads}"
     write_record(args.json, record, command=command, hashes={"model_sha256": estimator.model.sha256})
