@@ -63,8 +63,8 @@ def sets_table(records: PaperRecords) -> str:
     """The pairs behind each table, and where its methods were timed."""
     rows = []
     for name, found in records.tables.items():
-        timing, load = _usual_timing(found), found.get("load_while_timed")
-        where = _processor(timing) if timing else found.get("machine", {}).get("cpu", NOT_RECORDED)
+        where = _usual_processor(found) or found.get("machine", {}).get("cpu", NOT_RECORDED)
+        load = found.get("load_while_timed")
         busy = NOT_RECORDED if load is None else f"{load:.1f}"
         rows.append([name, *_set(found, found["methods"].values()), where, str(found["threads"]), busy])
     if records.ablations:
@@ -89,9 +89,9 @@ def errors_table(records: PaperRecords) -> str:
     """Error and time of every method on every set of pairs."""
     rows = []
     for pairs, found in records.tables.items():
-        usual = _usual_timing(found)
+        usual = _usual_processor(found)
         for label, row, timed in _methods(found):
-            other = "" if timed in (None, usual) else f" ({_processor(timed)})"
+            other = "" if timed is None or _processor(timed) == usual else f" ({_processor(timed)})"
             rows.append([label, pairs, *_errors(row), f"{row['ms']:.1f}{other}"])
     heads = ["method", "test pairs of", "EPE, px", "over 1 px", "over 2 px", "over 3 px", "over 5 px"]
     return _table([*heads, "EPE, non-occluded, px", "coverage", "ms"], rows)
@@ -118,9 +118,9 @@ def _errors(row: dict[str, Any]) -> list[str]:
     ]
 
 
-def _usual_timing(found: dict[str, Any]) -> dict[str, Any] | None:
+def _usual_processor(found: dict[str, Any]) -> str | None:
     """Return the processor on which most rows were timed; None where no row says."""
-    known = [row["timed_on"] for row in found["methods"].values() if "timed_on" in row]
+    known = [_processor(row["timed_on"]) for row in found["methods"].values() if "timed_on" in row]
     return max(known, key=known.count) if known else None
 
 

@@ -73,8 +73,9 @@ class Scores:
         return dict(kept["row"])
 
     def score(self, method: Method) -> dict[str, Any]:
-        """Run a method over the split."""
-        return row(evaluate(method, self.reader, self.limit))
+        """Run a method over the split; the row says where and when, because it is kept beside rows of other runs."""
+        here = timing_of(machine_record())
+        return {**row(evaluate(method, self.reader, self.limit)), "scored_on": here, "timed_on": here}
 
 
 def classical_rows(scores: Scores, best: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -204,12 +205,11 @@ def write_table(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> 
     """Write the rows of Table 1; methods that have not been run are listed by name, without numbers."""
     reader = scores.reader
     before = _before(file, scores)
-    machine = machine_record()
     # Rows of the same pairs that were not asked for this time stay, with the machine on which they were timed.
     kept_rows = {
         name: {"timed_on": timing_of(before["machine"]), **values} for name, values in before.get("methods", {}).items()
     }
-    rows = {**kept_rows, **{name: {**values, "timed_on": timing_of(machine)} for name, values in rows.items()}}
+    rows = {**kept_rows, **rows}
     check_one_kind(file.name, rows)
     record = {
         "dataset": reader.name,
@@ -229,8 +229,12 @@ def shipped_hashes(rows: dict[str, dict[str, Any]]) -> Hashes:
 
 
 def timing_of(machine: dict[str, Any]) -> dict[str, Any]:
-    """Return what of a machine's record decides how long a method takes; older records do not know the instructions."""
-    return {"cpu": machine["cpu"], "instructions": machine.get("instructions")}
+    """Return what of a machine's record decides how long a method takes, with commit and date where it knows them.
+
+    Older records do not know the instructions.
+    """
+    known: dict[str, Any] = {key: machine[key] for key in ("commit", "date") if key in machine}
+    return {"cpu": machine["cpu"], "instructions": machine.get("instructions"), **known}
 
 
 def write_ablations(file: Path, scores: Scores, rows: dict[str, dict[str, Any]]) -> None:
@@ -270,7 +274,7 @@ def check_same_pairs(file: Path, scores: Scores) -> None:
 
 
 def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] | None) -> None:
-    """Time every method of the table again, alone on the machine and quickly; the scores stay.
+    """Time every method of the table again, alone on the machine and quickly; the scores stay, and what they are of.
 
     PatchMatch is timed on one pair, and only when it is named.
     """
@@ -287,7 +291,7 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
         print(f"{name:18} {milliseconds:8.1f} ms")
     # Work of others beside the timing shows here: above the number of threads the times are too long.
     table["load_while_timed"] = os.getloadavg()[0]
-    write_record(file, table, command=table["command"], hashes=shipped_hashes(table["methods"]))
+    write_json(file, table)
 
 
 def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:

@@ -108,9 +108,14 @@ def time_verdict(run: str, other: str, rows: Rows) -> Verdict:
         return Verdict(NOT_RUN)
     ours, theirs = rows[run]["ms"], rows[other]["ms"]
     numbers = f"{ours:.1f} against {theirs:.1f}"
-    if rows[run].get("timed_on") != rows[other].get("timed_on"):
+    if _processor(rows[run]) != _processor(rows[other]):
         return Verdict(UNDECIDED, numbers, "timed on two machines")
     return Verdict(HELD if ours < theirs else FAILED, numbers)
+
+
+def _processor(row: dict[str, Any]) -> tuple[Any, Any]:
+    timed = row.get("timed_on") or {}
+    return timed.get("cpu"), timed.get("instructions")
 
 
 class Order(NamedTuple):

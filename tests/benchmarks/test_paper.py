@@ -103,17 +103,37 @@ def test_rows_of_fewer_pairs_do_not_join_a_table(done, tiny_set):
     assert files == {name: (done / "results" / name).read_text() for name in files}
 
 
-def test_rows_that_stay_keep_the_machine_on_which_they_were_timed(tmp_path, tiny_set):
+def test_rows_that_stay_keep_the_machine_on_which_they_were_timed(tmp_path, tiny_set, monkeypatch):
     reader, file = open_dataset(tiny_set, "test"), tmp_path / "table.json"
     scores = Scores(tmp_path / "scores.json", reader, None)
-    old = {"machine": {"cpu": "Old"}, "sha256": reader.sha256, "methods": {"bm": {"ms": 1.0}, "sgbm": {"ms": 2.0}}}
+    known = {"cpu": "Old", "commit": "0", "date": "then"}
+    old = {"machine": known, "sha256": reader.sha256, "methods": {"bm": {"ms": 1.0}, "sgbm": {"ms": 2.0}}}
     file.write_text(json.dumps(old))
-    tables.write_table(file, scores, {"bm": {"ms": 3.0}})
-    for _ in range(2):  # the second time the table is of this machine
+    method = classical_method("bm", {}, filled=True)
+    for _ in range(2):  # the second time the table is of this machine, and the row is kept beside the runs
+        tables.write_table(file, scores, {"bm": scores.get("bm", "state", lambda: scores.score(method))})
         rows = json.loads(file.read_text())["methods"]
-        assert rows["sgbm"]["timed_on"] == {"cpu": "Old", "instructions": None}
+        assert rows["sgbm"]["timed_on"] == {**known, "instructions": None}
+        assert rows["bm"]["timed_on"] == rows["bm"]["scored_on"]
         assert rows["bm"]["timed_on"]["instructions"] == machine_record()["instructions"]
-        tables.write_table(file, scores, {})
+        monkeypatch.setattr(tables, "machine_record", lambda: {"cpu": "New"})
+
+
+def test_a_new_timing_says_nothing_of_what_it_did_not_time(tmp_path, tiny_set, monkeypatch):
+    reader, file = open_dataset(tiny_set, "test"), tmp_path / "table.json"
+    here = {"cpu": "Old", "instructions": None, "commit": "0", "date": "then"}
+    rows = {name: {"ms": 1.0, "epe": 2.0, "scored_on": here, "timed_on": here} for name in ("bm", "sgbm")}
+    rows["bm"]["settings"] = {}
+    said = {"command": "python -m benchmarks.paper evaluate", "model_sha256": {}, "machine": here}
+    old = {**said, "sha256": reader.sha256, "methods": rows}
+    file.write_text(json.dumps(old))
+    new = {"cpu": "New", "instructions": ["avx2"], "commit": "1", "date": "now"}
+    monkeypatch.setattr(tables, "machine_record", lambda: new)
+    tables.retime_table(file, reader, tmp_path, ["bm"])
+    found = json.loads(file.read_text())
+    assert found["methods"]["bm"]["timed_on"] == new and found["methods"]["bm"]["scored_on"] == here
+    assert found["methods"]["bm"]["ms"] != 1.0 and found["methods"]["sgbm"] == rows["sgbm"]
+    assert {key: found[key] for key in old if key != "methods"} == {key: old[key] for key in old if key != "methods"}
 
 
 def test_ablations_stand_in_their_own_table(done):

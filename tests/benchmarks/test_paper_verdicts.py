@@ -150,6 +150,8 @@ def test_other_methods_are_judged_by_error_and_by_time():
     early = error_verdict("wang2020", "psmnet", rows, KNOWN)
     assert (early.word, early.why) == (UNDECIDED, "PSMNet stopped at 3600 of 12800 samples")
     assert time_verdict("wang2020", "psmnet", rows).word == HELD
+    again = {name: {**row, "timed_on": {"cpu": "A", "instructions": None, "date": name}} for name, row in rows.items()}
+    assert time_verdict("wang2020", "psmnet", again).word == HELD, "one machine, on two days"
     here, there = ({"cpu": "A", "instructions": known} for known in (["avx2"], None))
     elsewhere = {name: {**row, "timed_on": there if name == "psmnet" else here} for name, row in rows.items()}
     assert time_verdict("wang2020", "psmnet", elsewhere) == Verdict(
