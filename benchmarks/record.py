@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+import shlex
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,12 @@ def write_part(path: Path, part: str, found: Mapping[str, Any], *, command: str,
     """Write one part of a record whose parts are measured apart; the others stay. Raises as `signed` does."""
     others = json.loads(path.read_text()) if path.is_file() else {}
     write_json(path, {**others, part: signed(found, command=command, hashes=hashes)})
+
+
+def as_given(words: Iterable[str]) -> str:
+    """Return arguments for a command that is recorded, ``NAME=FILE`` among them: files without their folders."""
+    parts = (word.rpartition("=") for word in words)
+    return shlex.join(f"{name}{equals}{Path(file).name}" for name, equals, file in parts)
 
 
 def signed(found: Mapping[str, Any], *, command: str, hashes: Hashes) -> dict[str, Any]:

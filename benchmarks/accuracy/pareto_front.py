@@ -20,7 +20,7 @@ from adjustText import adjust_text
 
 from benchmarks.methods.classical import classical_method
 from benchmarks.model_run import model_run
-from benchmarks.record import write_record
+from benchmarks.record import as_given, write_record
 from benchmarks.turns import answers_in_turns
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
@@ -120,7 +120,7 @@ def main() -> None:
     for name, point in points.items():
         print(f"{name:14} {point['ms']:8.1f} ms  {point['epe_px']:.3f} px, {point['edges_epe_px']:.3f} px near edges")
     command = f"python -m benchmarks.accuracy.pareto_front --data {reader.name} --pairs {args.pairs} "
-    command += f"--threads {args.threads} --models {' '.join(hashes)}"
+    command += f"--threads {args.threads} --models {as_given(args.models)}"
     dataset = {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256}
     found = {"dataset": dataset, "points": points}
     write_record(args.json, found, command=command, hashes={"model_sha256": hashes})

@@ -20,7 +20,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from benchmarks.studies.short_runs import Variant, judging_sets, learning_sets, run_variants, study_parser
+from benchmarks.studies.short_runs import Variant, judging_sets, learning_sets, run_variants, said_of, study_parser
 from endosdk.datasets.layouts import open_dataset
 from endosdk.training import checkpoint
 from endosdk.training.augment import placed_pair, spoilt_pair
@@ -107,8 +107,7 @@ def main() -> None:
         for seed in SEEDS
         for name, kind in (("alone", Run), ("with a clean teacher", Student))
     }
-    command = f"python -m benchmarks.studies.clean_teacher --start {args.start} --pairs {args.pairs} "
-    run_variants(args, sets, given, runs, command + f"--steps {args.steps} ...")
+    run_variants(args, sets, given, runs, f"python -m benchmarks.studies.clean_teacher {said_of(args)}")
 
 
 if __name__ == "__main__":

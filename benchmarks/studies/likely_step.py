@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.record import write_part
+from benchmarks.record import as_given, write_part
 from benchmarks.weights import weights_sha256
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
@@ -72,7 +72,7 @@ def main() -> None:
     for entry in args.weights:
         name, _, file = entry.partition("=")
         found = measure(file or name, reader, indices, args.dampings)
-        command = f"python -m benchmarks.studies.likely_step --data {reader.name}{some} --weights {name} "
+        command = f"python -m benchmarks.studies.likely_step --data {reader.name}{some} --weights {as_given([entry])} "
         write_part(
             args.json,
             f"{name} on {reader.name}, {split}",

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.studies.short_runs import Variant, judging_sets, learning_sets, run_variants, study_parser
+from benchmarks.studies.short_runs import Variant, judging_sets, learning_sets, run_variants, said_of, study_parser
 from endosdk.training import checkpoint
 
 LIGHT = ("tone", "colours", "blur", "noise", "glare", "haze", "compression")
@@ -43,8 +43,7 @@ def main() -> None:
         name: Variant(name.replace(",", "").replace(" ", "-"), changes)
         for name, changes in variants(looks, (args.gi, args.lap), args.seed).items()
     }
-    command = f"python -m benchmarks.studies.recipe_gains --start {args.start} --pairs {args.pairs} "
-    run_variants(args, sets, given, runs, command + f"--steps {args.steps} --seed {args.seed} ...")
+    run_variants(args, sets, given, runs, f"python -m benchmarks.studies.recipe_gains {said_of(args)}")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
 
-from benchmarks.record import write_record
+from benchmarks.record import as_given, write_record
 from endosdk.datasets.layouts import open_dataset
 from endosdk.io.progress import progress
 from endosdk.runtime.models import read_model
@@ -78,7 +78,7 @@ def main() -> None:
         for gain, found in by_gain.items():
             print(f"{name:10} grey levels x {gain:4} mean {found['mean_px']:.3f} px, p99 {found['p99_px']:.3f} px")
     command = f"python -m benchmarks.studies.saturation --data {reader.name} --pairs {args.pairs} "
-    command += f"--models {' '.join(models)}"
+    command += f"--models {as_given(args.models)}"
     dataset = {"name": reader.name, "split": "test", "pairs": args.pairs, "sha256": reader.sha256}
     found = {"dataset": dataset, "models": models}
     write_record(args.json, found, command=command, hashes={"model_sha256": hashes})

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.record import write_record
+from benchmarks.record import as_given, write_record
 from benchmarks.weights import weights_sha256
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import default_split, open_dataset
@@ -69,6 +69,15 @@ def study_parser(description: str) -> argparse.ArgumentParser:
 def learning_sets(args: argparse.Namespace) -> tuple[str, ...]:
     """Return the folders of the sets to learn from."""
     return tuple(getattr(args, kind) for kind in KINDS)
+
+
+def said_of(args: argparse.Namespace) -> str:
+    """Return the options of a study as its record has them: all but the folder of its runs, and the record."""
+    words = []
+    for name, value in vars(args).items():
+        if name not in ("runs", "json"):
+            words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, list) else [value])]
+    return as_given(words)
 
 
 class Variant(NamedTuple):
