@@ -264,3 +264,46 @@ def test_the_frames_of_a_source_are_rgb_whatever_the_estimator_is_given_else():
 def test_a_function_ends_with_the_iterator_that_it_draws_from():
     drawn = iter(pairs(3))
     assert len(list(DepthEstimator(TINY_MODEL).stream(lambda: next(drawn)))) == 3
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_closed_estimator_is_told_after_the_frames_in_flight(threads):
+    for number in range(20):  # the reader is anywhere: at the source, at room for a pair, or at handing one over
+        estimator = DepthEstimator(TINY_MODEL, threads=threads)
+        stream = estimator.stream(pairs(1) * 20)
+        assert next(stream).frame == 1
+        time.sleep(0.001 * (number % 5))
+        estimator.close()
+        seen = [1]
+        with pytest.raises(errors.InvalidArgument, match="estimator: must be open; got a closed one"):
+            seen.extend(result.frame for result in stream)
+        assert seen == list(range(1, len(seen) + 1))
+    assert streaming_threads() == []
+
+
+def test_a_closed_estimator_is_told_while_the_source_is_asked():
+    camera = StalledCamera(1)
+    estimator = DepthEstimator(TINY_MODEL)
+    stream = estimator.stream(camera)
+    next(stream)
+    estimator.close()
+    with pytest.raises(errors.InvalidArgument, match="estimator: must be open; got a closed one"):
+        next(stream)
+    camera.wakes.set()
+
+
+def test_an_estimator_may_be_closed_when_the_source_is_exhausted():
+    asked = threading.Event()
+
+    def source():
+        yield from pairs(2)
+        asked.set()
+
+    estimator = DepthEstimator(TINY_MODEL, threads=2)
+    stream = estimator.stream(source())
+    next(stream)
+    assert asked.wait(60)
+    while streaming_threads():  # the reader is done
+        time.sleep(0.01)
+    estimator.close()
+    assert [result.frame for result in stream] == [2]

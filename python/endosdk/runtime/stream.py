@@ -68,6 +68,7 @@ class Feeder:
         self._error: BaseException | None = None  # of the source, raised after the answers before it
         self._frames: deque[Any] = deque()  # as the source yielded them, of the pairs that are on their way
         self._over = False
+        self._exhausted = False  # the source has no further pair
         self._drawing = False
         self._reader = threading.Thread(target=self._read, name=THREAD_NAME, daemon=True)
 
@@ -85,6 +86,8 @@ class Feeder:
                 yield *answer, self._frames.popleft()
             if self._error is not None:
                 raise self._error
+            if not self._exhausted:
+                raise _closed_estimator()  # its reader may still wait for the source
         finally:
             self.close()
 
@@ -115,9 +118,12 @@ class Feeder:
             self._started.set()
 
     def _draw(self) -> Drawn | None:
-        """Return the next pair, once there is room for it; None at the end."""
-        if self._stream is not None and not self._stream.wait_for_room():
-            return None
+        """Return the next pair, once there is room for it; None at the end.
+
+        Raises InvalidArgument where the estimator was closed: nothing else ends a stream before its source.
+        """
+        if self._stream is not None and not self._stream.wait_for_room() and not self._over:
+            raise _closed_estimator()
         self._drawing = True
         try:
             # A closer that came before the line above waits for this thread, however long the source takes.
@@ -126,7 +132,8 @@ class Feeder:
             item = next(self._pairs, _END)
         finally:
             self._drawing = False
-        return None if item is _END or self._over else _checked(item, self._channel_order)
+        self._exhausted = item is _END
+        return None if self._exhausted or self._over else _checked(item, self._channel_order)
 
     @typed_memory_errors()
     def _submit(self, number: int, drawn: Drawn) -> None:
@@ -138,7 +145,17 @@ class Feeder:
             self._started.set()
         self._frames.append(frame)
         # Maps of the first pair's size: one of another size is then refused for what it is.
-        self._stream.submit(left, right, self._maps_for(number, self._stream, self._size), stamp_ns)
+        maps = self._maps_for(number, self._stream, self._size)
+        try:
+            self._stream.submit(left, right, maps, stamp_ns)
+        except InvalidArgument as error:
+            if error.argument == "stream":  # it has ended since there was room
+                raise _closed_estimator() from error
+            raise
+
+
+def _closed_estimator() -> InvalidArgument:
+    return InvalidArgument("estimator", "must be open", "a closed one")
 
 
 @typed_memory_errors()
