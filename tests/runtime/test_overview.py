@@ -85,10 +85,11 @@ def test_files_hold_what_the_result_holds(predicted, tmp_path):
     left, result = predicted
     files = write_result(tmp_path / "new" / "folder", left, result)
     read = {name: cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for name, path in files.items() if path.suffix == ".png"}
-    assert np.allclose(read["disparity.png"] / 256, result.disparity, atol=1 / 512)
     valid = result.reasons == 0
+    assert valid.any() and not valid.all()
+    assert np.allclose(read["disparity.png"][valid] / 256, result.disparity[valid], atol=1 / 512)
     assert np.allclose(read["depth.png"][valid] / 10, result.depth[valid], atol=0.051)
-    assert not read["depth.png"][~valid].any()
+    assert not read["disparity.png"][~valid].any() and not read["depth.png"][~valid].any()
     assert np.array_equal(read["reasons.png"], result.reasons)
     assert np.allclose(read["confidence.png"] / 255, result.confidence, atol=1 / 510 + 1e-6)
     assert np.array_equal(np.load(files["depth.npy"]), result.depth, equal_nan=True)

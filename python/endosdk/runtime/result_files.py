@@ -74,7 +74,7 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
         )
     folder = _made(folder)
     pictures: dict[str, npt.NDArray[np.uint8] | npt.NDArray[np.uint16]] = {
-        "disparity.png": _to_uint16(result.disparity * 256),
+        "disparity.png": _to_uint16(np.where(result.reasons == 0, result.disparity * 256, 0)),
         "confidence.png": np.rint(result.confidence * 255).astype(np.uint8),
         "reasons.png": result.reasons,
     }
