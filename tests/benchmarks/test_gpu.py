@@ -49,7 +49,7 @@ def answers_of(name, feed):
 def test_every_model_that_suits_a_card_has_its_network_in_torch():
     names = gpu.float_models()
     assert {"fast-fp32", "accurate-fp32", "wang2020"} <= set(names)
-    feed = gpu.pair_of(160, 96)
+    feed = gpu.pair_of(*SIZE)
     for name in names:
         found = gpu.measure_torch(name, PROCESSOR, feed, answers_of(name, feed), 1, compiled=False)["fp32"]
         assert found["parity"]["max_px"] < 1e-2 and found["p50"] > 0
