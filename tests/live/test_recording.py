@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import io
 import json
@@ -24,7 +25,8 @@ import endosdk
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
-from endosdk.io.pictures import read_frame
+from endosdk.io.pictures import read_frame, write_picture
+from endosdk.io.whole_files import whole_file
 from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
@@ -145,6 +147,40 @@ def test_replay_without_a_rig_writes_no_second_left_view(tmp_path):
     assert main(["replay", str(tmp_path / "r"), "--out", str(tmp_path / "pictures")]) == 0
     found = {path.name for path in (tmp_path / "pictures").iterdir()}
     assert found == {"left", "right", "disparity", "frames.jsonl"}
+
+
+@pytest.mark.parametrize("stop", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
+def test_replay_that_is_stopped_leaves_no_folder(recorded, tmp_path, capsys, monkeypatch, stop):
+    written = []
+
+    def stopped(path, picture):
+        if len(written) == COUNT + 3:
+            with whole_file(path, "out"):
+                raise stop
+        written.append(path)
+        write_picture(path, picture)
+
+    monkeypatch.setattr("endosdk.io.pictures.write_picture", stopped)
+    words = ["replay", str(recorded), "--out", str(tmp_path / "new" / "pictures")]
+    assert main(words) == (130 if isinstance(stop, KeyboardInterrupt) else 2)
+    assert list((tmp_path / "new").iterdir()) == []
+    said = capsys.readouterr().err
+    assert isinstance(stop, KeyboardInterrupt) or ("(No space left on device)" in said and said.count("out:") == 1)
+    monkeypatch.undo()
+    assert main(words) == 0
+    assert len(list((tmp_path / "new" / "pictures" / "right").iterdir())) == COUNT
+
+
+def test_replay_says_what_is_wrong_with_the_recording(recorded, tmp_path, capsys, monkeypatch):
+    """And not that its own folder cannot be written."""
+
+    def damaged(*_):
+        raise SourceFailed("recording", "must be undamaged", "frame 1")
+
+    monkeypatch.setattr("endosdk.io.pictures.write_picture", damaged)
+    assert main(["replay", str(recorded), "--out", str(tmp_path / "pictures")]) == 2
+    assert "recording: must be undamaged; got frame 1 [SOURCE_FAILED]" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_recording_keeps_the_whole_rig(video, tmp_path):
@@ -592,7 +628,7 @@ def test_a_damaged_recording_is_refused(recorded, tmp_path):
 def test_replay_refuses_names_that_cannot_be(recorded, tmp_path, capsys):
     (tmp_path / "file").touch()  # the privileged may write every folder; a file can hold none
     assert main(["replay", str(recorded), "--out", str(tmp_path / "file" / "pictures")]) == 2
-    assert "out: the folder must be writable" in capsys.readouterr().err
+    assert "pictures (Not a directory)" in capsys.readouterr().err
     assert main(["replay", "x" * 300, "--out", str(tmp_path / "pictures")]) == 2
     assert "must be a folder or a .mkv file that endosdk run wrote" in capsys.readouterr().err
 

@@ -32,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the files."""
     from endosdk.errors import InvalidArgument
     from endosdk.io.bounded_read import is_there
+    from endosdk.io.whole_files import whole_path
     from endosdk.live.recording.record import FILES, check_out, export
     from endosdk.live.recording.recording import Recording
 
@@ -42,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix.lower() in FILES:
         export(recording, args.out)
     else:
-        _write_pictures(recording, args.out)
+        with whole_path(args.out, "out") as partial:
+            _write_pictures(recording, partial)
     report = Report(args)
     report.record = {"out": args.out, "frames": recording.count}
     report.line(f"written    {args.out}: {recording.count} frames")
@@ -55,7 +57,6 @@ def _write_pictures(recording: Recording, out: Path) -> None:
     Maps of 16 bits, in the steps of the recording, 0 where there is no value. They lie over ``left_rectified``, without
     a rig over ``left``.
     """
-    from endosdk.errors import StorageFailed
     from endosdk.io.pictures import write_picture
     from endosdk.io.whole_files import write_text
     from endosdk.live.recording.texts import LINES
@@ -66,11 +67,8 @@ def _write_pictures(recording: Recording, out: Path) -> None:
     folders = [name, *(["left", "right"] if recording.settings["pictures"] else [])]
     if rig is not None and recording.settings["pictures"]:
         folders.append(RECTIFIED)
-    try:
-        for folder in folders:
-            (out / folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", f"{out}: {error}") from error
+    for folder in folders:
+        (out / folder).mkdir(parents=True, exist_ok=True)
     write_text(out / LINES, "".join(json.dumps(line) + "\n" for line in recording.lines), "out")
     if rig is not None:
         rig.save(out / "rig.json")

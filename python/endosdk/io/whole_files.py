@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from endosdk.errors import StorageFailed
+from endosdk.errors import EndoError, StorageFailed
 from endosdk.io.bounded_read import is_there
 from endosdk.io.locks import held, is_held
 
@@ -98,12 +98,17 @@ def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
         _remove(partial)
         try:
             yield partial
-            for written in partial.iterdir() if partial.is_dir() else (partial,):
-                _flush(written)
+            for written in partial.rglob("*") if partial.is_dir() else (partial,):
+                if written.is_dir():
+                    _flush_folder(written)
+                else:
+                    _flush(written)
             partial.rename(path)
             _flush_folder(path.parent)
         finally:
             _remove(partial)
+    except EndoError:  # of what writes; some are OSErrors too
+        raise
     except OSError as error:
         raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror or error})") from error
 
