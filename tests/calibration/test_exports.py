@@ -11,6 +11,7 @@ import yaml
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.calibration.rules import CameraModel
+from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument
 from endosdk.live.recording.bags import type_store
 from endosdk.live.recording.messages import LEFT, MessageMaker
@@ -98,3 +99,19 @@ def test_coefficients_that_kalibr_cannot_hold_are_refused(tmp_path: Path) -> Non
     rig = raw_rig(left_distortion=np.array([-0.2, 0.1, 0, 0, 0.03]))
     with pytest.raises(InvalidArgument, match="four coefficients"):
         rig.save(tmp_path / "rig.kalibr.yaml")
+
+
+@pytest.mark.parametrize("ending", ["opencv", "kalibr", "ros"])
+def test_a_field_of_view_that_is_left_out_is_named(
+    tmp_path: Path, ending: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    raw_rig(**BROWN).save(tmp_path / "none.json")
+    raw_rig(**BROWN, left_field_of_view=(320.0, 240.0, 300.0, 200.0)).save(tmp_path / "stated.json")
+    out = tmp_path / f"rig.{ending}.yaml"
+    assert main(["calibrate", "convert", str(tmp_path / "none.json"), "--out", str(out)]) == 0
+    assert caplog.messages == []
+    assert main(["calibrate", "convert", str(tmp_path / "stated.json"), "--out", str(out)]) == 0
+    kept = "it is left out; .json and .yaml keep it"
+    assert caplog.messages == [f"{out}: this format cannot hold field_of_view (left): {kept}"]
+    assert main(["calibrate", "convert", str(tmp_path / "stated.json"), "--out", str(tmp_path / "own.yaml")]) == 0
+    assert len(caplog.messages) == 1

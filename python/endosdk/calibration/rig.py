@@ -223,14 +223,15 @@ class StereoCalibration:
         """Write endosdk's own layout, YAML or JSON by the name's ending; what is read back is equal.
 
         A name that ends in ``.opencv.yaml``, ``.ros.yaml`` or ``.kalibr.yaml`` asks for the layout of that program; ROS
-        has two files. Returns the files written. Raises `StorageFailed`, and InvalidArgument for another ending.
+        has two files. None of them holds a field of view: the log ``endosdk`` warns where one is stated. Returns the
+        files written. Raises `StorageFailed`, and InvalidArgument for another ending.
         """
         from endosdk.calibration.files import exports, native
 
         exports.check_name("path", path)
-        write_export = exports.writer_of(Path(path))
-        if write_export is not None:
-            return write_export(self, Path(path))
+        writer = exports.writer_of(Path(path))
+        if writer is not None:
+            return exports.write_export(writer, self, Path(path))
         native.write(self.content(), self.sha256, Path(path))
         return [Path(path)]
 

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,19 @@ Writer = Callable[["StereoCalibration", Path], list[Path]]  # returns the files 
 def writer_of(path: Path) -> Writer | None:
     """Return what writes the layout of another program that a name asks for by its ending, or None."""
     return next((write for ending, write in WRITERS.items() if path.name.lower().endswith(ending)), None)
+
+
+def write_export(write: Writer, calibration: StereoCalibration, path: Path) -> list[Path]:
+    """Write a rig in another layout, which has no field of view: the log ``endosdk`` warns where one is stated."""
+    lost = [side for side in ("left", "right") if getattr(calibration, f"{side}_field_of_view") is not None]
+    written = write(calibration, path)
+    if lost:
+        logging.getLogger("endosdk").warning(
+            "%s: this format cannot hold field_of_view (%s): it is left out; .json and .yaml keep it",
+            path,
+            " and ".join(lost),
+        )
+    return written
 
 
 def check_name(argument: str, path: Any) -> None:
