@@ -44,6 +44,16 @@ def test_where_the_lens_model_folds_there_is_no_pixel():
     assert (np.diff(raw[known, 0]) > 0).all()
 
 
+@pytest.mark.parametrize("turn", [raw_to_rectified, rectified_to_raw])
+def test_pixels_that_are_no_numbers_and_none_at_all_go_through_as_in_c(turn):
+    known = turn(raw_rig(), (320, 240))
+    found = turn(raw_rig(), [(np.nan, 240), (320, 240), (np.inf, 3)])
+    assert np.isnan(found[[0, 2]]).all()
+    assert found[1] == pytest.approx(known)
+    for none, shape in (([], (0, 2)), (np.empty((4, 0, 2)), (4, 0, 2))):
+        assert turn(raw_rig(), none).shape == shape
+
+
 def test_a_point_projects_to_the_raw_pixel_it_came_from():
     rig = raw_rig()
     g = rig.rectification()
@@ -81,7 +91,12 @@ def test_valid_region_is_covered_and_cannot_grow():
 def test_wrong_arguments_are_refused():
     with pytest.raises(InvalidArgument, match="side"):
         raw_to_rectified(raw_rig(), (1, 1), "middle")
-    with pytest.raises(InvalidArgument, match="pixels"):
-        rectified_to_raw(raw_rig(), [1, 2, 3])
+    for turn in (raw_to_rectified, rectified_to_raw):
+        with pytest.raises(InvalidArgument, match=r"pixels: must be \(x, y\), \[\.\.\., 2\]; got shape \(3,\) \["):
+            turn(raw_rig(), [1, 2, 3])
+        with pytest.raises(InvalidArgument, match=r"pixels: must be \(x, y\), .*; got \[\('a', 3\)\] \["):
+            turn(raw_rig(), [("a", 3)])
+        with pytest.raises(InvalidArgument, match=r"pixels: must be \(x, y\), .*; got \[\(1, 2\), \(3,\)\] \["):
+            turn(raw_rig(), [(1, 2), (3,)])
     with pytest.raises(InvalidArgument, match="square"):
         q_matrix(StereoCalibration.rectified(200.0, 5.0, (160, 96)).scaled(80, 96).rectification())

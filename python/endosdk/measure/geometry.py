@@ -12,6 +12,7 @@ from endosdk.calibration.q_matrix import q_matrix as q_matrix
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
+from endosdk.runtime.arguments import check_numbers
 from endosdk.runtime.rectify import rig_numbers
 
 Matrix = npt.NDArray[np.float64]
@@ -23,7 +24,7 @@ def raw_to_rectified(
 ) -> Matrix:
     """Return where raw pixels [..., 2] lie in the rectified view of that side, float64 [..., 2].
 
-    ``alpha`` is that of `StereoCalibration.rectification`.
+    ``alpha`` is that of `StereoCalibration.rectification`. NaN stays NaN.
     """
     points = _checked(pixels)
     found = _pixel_map(calibration, alpha).to_rectified(_is_right(side), points.reshape(-1, 2))
@@ -35,7 +36,7 @@ def rectified_to_raw(
 ) -> Matrix:
     """Return where pixels [..., 2] of the rectified view of that side come from in the raw view, float64 [..., 2].
 
-    A pixel whose ray points backwards is not a number.
+    NaN stays NaN, and a pixel whose ray points backwards becomes NaN.
     """
     points = _checked(pixels)
     return _pixel_map(calibration, alpha).to_raw(_is_right(side), points.reshape(-1, 2)).reshape(points.shape)
@@ -73,7 +74,10 @@ def _is_right(side: Side) -> bool:
 
 
 def _checked(pixels: npt.ArrayLike) -> Matrix:
-    array = np.asarray(pixels, np.float64)
-    if array.ndim < 1 or array.shape[-1] != 2 or not np.isfinite(array).all():
-        raise InvalidArgument("pixels", "must be finite (x, y), [..., 2]", array.shape)
+    rule = "must be (x, y), [..., 2]"
+    array = check_numbers("pixels", pixels, rule)
+    if array.shape == (0,):  # an empty list
+        return array.reshape(0, 2)
+    if array.ndim < 1 or array.shape[-1] != 2:
+        raise InvalidArgument("pixels", rule, f"shape {array.shape}")
     return array

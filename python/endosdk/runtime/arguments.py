@@ -30,6 +30,17 @@ def check_number(name: str, value: Any, rule: str) -> float:
     return _float(name, value, rule)
 
 
+def check_numbers(name: str, values: Any, rule: str) -> npt.NDArray[np.float64]:
+    """Return numbers as an array, of whatever shape."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # lists of several lengths
+        raise InvalidArgument(name, rule, _shown(values)) from error
+    if array.dtype.kind not in "iuf":
+        raise InvalidArgument(name, rule, _shown(values))
+    return array.astype(np.float64, copy=False)
+
+
 def check_switch(name: str, value: Any) -> bool:
     """Return whether something is on; a word such as "no" would count as yes."""
     if not isinstance(value, bool | np.bool_):
