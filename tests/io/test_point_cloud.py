@@ -41,5 +41,12 @@ def test_bad_input_is_refused(tmp_path):
         write_ply(tmp_path / "p.ply", POINTS[..., :2])
     with pytest.raises(errors.InvalidArgument, match="colours"):
         write_ply(tmp_path / "p.ply", POINTS, COLOURS[:2])
+    with pytest.raises(errors.InvalidArgument, match="points: must be a NumPy array; got NoneType"):
+        write_ply(tmp_path / "p.ply", None, None)
+    with pytest.raises(errors.InvalidArgument, match="colours: must be a NumPy array; got list"):
+        write_ply(tmp_path / "p.ply", POINTS, COLOURS.tolist())
+    with pytest.raises(errors.InvalidArgument, match="path: must be a file name; got None"):
+        write_ply(None, POINTS)
+    assert list(tmp_path.iterdir()) == []
     with pytest.raises(errors.StorageFailed, match="path"):
         write_ply(tmp_path / "no" / "p.ply", POINTS)

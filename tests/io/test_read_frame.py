@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,6 +25,12 @@ def test_broken_picture_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.png").write_bytes(b"no picture")
     with pytest.raises(InvalidArgument, match="must be a picture"):
         read_frame(tmp_path / "x.png")
+
+
+@pytest.mark.parametrize("path", [None, 5])
+def test_what_is_no_file_name_is_refused(path: Any) -> None:
+    with pytest.raises(InvalidArgument, match=f"^path: must be a file name; got {path} "):
+        read_frame(path)
 
 
 def test_deep_pictures_are_refused_not_cut(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Raw and rectified pixels, both ways, against OpenCV and against each other."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -98,5 +100,10 @@ def test_wrong_arguments_are_refused():
             turn(raw_rig(), [("a", 3)])
         with pytest.raises(InvalidArgument, match=r"pixels: must be \(x, y\), .*; got \[\(1, 2\), \(3,\)\] \["):
             turn(raw_rig(), [(1, 2), (3,)])
+    with pytest.raises(InvalidArgument, match=r"geometry: must be a RectifiedGeometry, .*; got StereoCalibration \["):
+        points_in_raw_left_camera(raw_rig(), [(1, 2, 3)])
+    for points, seen in (((1, 2), "shape (2,)"), ("a", "'a'"), ([(1, 2, None)], "[(1, 2, None)]")):
+        with pytest.raises(InvalidArgument, match=rf"points: must be \(x, y, z\), .*; got {re.escape(seen)} \["):
+            points_in_raw_left_camera(raw_rig().rectification(), points)
     with pytest.raises(InvalidArgument, match="square"):
         q_matrix(StereoCalibration.rectified(200.0, 5.0, (160, 96)).scaled(80, 96).rectification())

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument
 from endosdk.io.bounded_read import Refused
+from endosdk.io.names import file_name
 from endosdk.io.picture_bytes import read_picture
 from endosdk.io.whole_files import whole_file
 
@@ -28,13 +29,13 @@ def read_frame(path: str | Path, *, bits: int | None = None) -> npt.NDArray[np.u
 
     A file of 16 bits per channel does not say how many of them its camera used. ``bits`` does: 10, 12 or 16. The
     largest value of so many bits becomes 255, and all others are rounded to the nearest of 256 steps. Raises
-    InvalidArgument where the file is damaged, cut off or no picture, where it has 16 bits and ``bits`` is not given, or
-    8 and it is, and where a value does not fit into ``bits``.
+    InvalidArgument where ``path`` is no file name, where the file is damaged, cut off or no picture, where it has 16
+    bits and ``bits`` is not given, or 8 and it is, and where a value does not fit into ``bits``.
     """
     import cv2
 
     check_bits(bits)
-    path = Path(path)
+    path = file_name("path", path)
     try:
         # As deep as it is stored: OpenCV would otherwise cut 16 bits to 8, and with them most of a 12-bit camera's.
         picture = read_picture(path, "IMREAD_COLOR|IMREAD_ANYDEPTH")

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument
+from endosdk.io.names import file_name
 from endosdk.io.whole_files import whole_file
 
 
@@ -17,6 +18,10 @@ def write_ply(path: str | Path, points: npt.NDArray[np.float32], colours: npt.ND
     ``points`` is float32 [H, W, 3] as `DepthResult.points` gives them, mm; ``colours`` RGB uint8 [H, W, 3], such as the
     left view of `DepthEstimator.rectify`. Raises `InvalidArgument` where they do not match and `StorageFailed`.
     """
+    path = file_name("path", path)
+    for name, array in (("points", points), ("colours", points if colours is None else colours)):
+        if not isinstance(array, np.ndarray):
+            raise InvalidArgument(name, "must be a NumPy array", type(array).__name__)
     if points.ndim != 3 or points.shape[2] != 3:
         raise InvalidArgument("points", "must be [H, W, 3]", points.shape)
     if colours is not None and (colours.shape != points.shape or colours.dtype != np.uint8):
@@ -40,7 +45,7 @@ def write_ply(path: str | Path, points: npt.NDArray[np.float32], colours: npt.ND
         *(f"property {kinds[kind]} {name}" for name, kind in fields),
         "end_header",
     ]
-    with whole_file(Path(path)) as file:
+    with whole_file(path) as file:
         file.write(("\n".join(header) + "\n").encode("ascii"))
         file.write(vertices.tobytes())
     return int(vertices.size)

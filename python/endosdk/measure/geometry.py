@@ -47,9 +47,13 @@ def points_in_raw_left_camera(geometry: RectifiedGeometry, points: npt.ArrayLike
 
     A hand-eye calibration knows the raw camera.
     """
-    array = np.asarray(points, np.float64)
+    if not isinstance(geometry, RectifiedGeometry):
+        rule = "must be a RectifiedGeometry, as StereoCalibration.rectification() gives it"
+        raise InvalidArgument("geometry", rule, type(geometry).__name__)
+    rule = "must be (x, y, z), [..., 3]"
+    array = check_numbers("points", points, rule)
     if array.ndim < 1 or array.shape[-1] != 3:
-        raise InvalidArgument("points", "must be [..., 3]", array.shape)
+        raise InvalidArgument("points", rule, f"shape {array.shape}")
     return np.asarray(array @ geometry.R1)  # R1 turns raw into rectified; by rows, this is its inverse
 
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from endosdk import _core
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.errors import CalibrationRequired, InvalidArgument
+from endosdk.runtime.arguments import check_number, check_numbers
 from endosdk.runtime.maps import ByteMap, FloatMap
 from endosdk.runtime.result import DepthResult
 
@@ -67,7 +68,8 @@ def point_at(result: DepthResult, x: float, y: float) -> Point:
 
     Raises InvalidArgument where the pixel is outside the map or has no depth, CalibrationRequired without a rig.
     """
-    xyz, covariance = _core.point_at(*measured_maps(result), *(float(each) for each in (x, y)))
+    at = [check_number(name, value, "must be a number, px") for name, value in (("x", x), ("y", y))]
+    xyz, covariance = _core.point_at(*measured_maps(result), *at)
     return Point(xyz[0], covariance)
 
 
@@ -90,14 +92,17 @@ def measured_maps(result: DepthResult) -> tuple[FloatMap, FloatMap, ByteMap, tup
 
 def checked_pixels(name: str, pixels: npt.ArrayLike) -> Vector:
     """Return pixels as float64 [n,2]. Raises InvalidArgument for anything else."""
-    array = np.asarray(pixels, np.float64)
+    rule = "must be a list of (x, y)"
+    array = check_numbers(name, pixels, rule)
     if array.ndim != 2 or array.shape[1] != 2:
-        raise InvalidArgument(name, "must be a list of (x, y)", array.shape)
+        raise InvalidArgument(name, rule, f"shape {array.shape}")
     return np.ascontiguousarray(array)
 
 
 def needed_geometry(result: DepthResult) -> RectifiedGeometry:
-    """Return the result's geometry. Raises CalibrationRequired where it has none."""
+    """Return the result's geometry. Raises CalibrationRequired where it has none, InvalidArgument for no result."""
+    if not isinstance(result, DepthResult):
+        raise InvalidArgument("result", "must be a DepthResult", type(result).__name__)
     if result.geometry is None:
         rule = "measuring needs a calibration: pass DepthEstimator(..., calibration=rig)"
         raise CalibrationRequired("result", rule, "no calibration")

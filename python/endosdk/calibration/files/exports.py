@@ -21,6 +21,7 @@ from endosdk.calibration.files import native
 from endosdk.calibration.files.native import NumbersInLines
 from endosdk.calibration.files.ros import distortion_of
 from endosdk.errors import InvalidArgument
+from endosdk.io.names import file_name
 from endosdk.io.whole_files import write_text
 
 if TYPE_CHECKING:
@@ -52,9 +53,8 @@ def write_export(write: Writer, calibration: StereoCalibration, path: Path) -> l
 
 def check_name(argument: str, path: Any) -> None:
     """Refuse what is no name of a calibration file that `StereoCalibration.save` writes. Raises InvalidArgument."""
-    if not isinstance(path, str | Path):
-        raise InvalidArgument(argument, "must be a file name", repr(path))
-    if writer_of(Path(path)) is None and Path(path).suffix.lower() not in native.ENDINGS:
+    path = file_name(argument, path)
+    if writer_of(path) is None and path.suffix.lower() not in native.ENDINGS:
         raise InvalidArgument(argument, f"must end in one of {', '.join((*native.ENDINGS, *WRITERS))}", str(path))
 
 
