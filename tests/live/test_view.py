@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import signal
 import struct
@@ -220,6 +221,59 @@ async def told_of_an_error(address):
             state = (await socket.receive_json()).get("state", {})
             if state.get("error"):
                 return state["error"]
+
+
+async def seen_by_a_page(address, leaves):
+    """Open the page's socket, ask for a measurement of the first picture, and leave when told to or turned out."""
+    origin = "/".join(address.split("/")[:3])
+    async with (
+        aiohttp.ClientSession(headers={"Origin": origin}) as session,
+        session.ws_connect(address + "live") as socket,
+    ):
+        async for message in socket:
+            if message.type == aiohttp.WSMsgType.BINARY:
+                await socket.send_str("drawn")
+                await socket.send_str('{"do": "measure", "kind": "point", "pixels": [[48, 32]], "id": 1}')
+                await asyncio.to_thread(leaves.wait, 20)
+                socket._response.connection.transport.abort()
+                return True
+    return False
+
+
+def told_by_the_server(caplog):
+    return [record for record in caplog.records if record.name in ("aiohttp.server", "asyncio")]
+
+
+@pytest.mark.parametrize("sent", ["measurement", "picture"])
+def test_a_page_that_closes_while_something_is_on_its_way_is_no_error(served, monkeypatch, caplog, sent):
+    server, _ = served
+    leaves, sends = threading.Event(), threading.Event()
+
+    def slow(shown, *words):
+        leaves.set()
+        assert sends.wait(20)
+        return {} if sent == "measurement" else encode(shown, *words)
+
+    encode = server._encode
+    if sent == "measurement":
+        monkeypatch.setattr("endosdk.live.viewer.server.measured", slow)
+    else:
+        pictures = iter([encode])
+        monkeypatch.setattr(server, "_encode", lambda *words: next(pictures, slow)(*words))
+    assert asyncio.run(asyncio.wait_for(seen_by_a_page(server.address, leaves), 60))
+    time.sleep(0.2)  # the server has heard of it
+    sends.set()
+    time.sleep(0.5)
+    gc.collect()  # a task whose error nobody has asked for says so when it goes
+    assert leaves.is_set() and told_by_the_server(caplog) == []
+
+
+def test_an_error_of_what_is_sent_is_told_and_closes_the_page(served, monkeypatch, caplog):
+    server, _ = served
+    monkeypatch.setattr(server, "_encode", lambda *_: 1 // 0)
+    assert not asyncio.run(asyncio.wait_for(seen_by_a_page(server.address, threading.Event()), 20))
+    until(lambda: told_by_the_server(caplog))
+    assert told_by_the_server(caplog)[0].exc_info[0] is ZeroDivisionError
 
 
 def test_a_file_for_rerun_needs_a_rig(tmp_path):

@@ -6,6 +6,7 @@ import asyncio
 import json
 import secrets
 import threading
+from contextlib import suppress
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
@@ -119,13 +120,14 @@ class Server:
         """Send answers to one page as fast as it takes them, and do what it asks."""
         socket = self._web.WebSocketResponse(max_msg_size=2**16, heartbeat=20)
         await socket.prepare(request)
-        await socket.send_str(json.dumps({"legend": legend(), "source": self._player.source.word}))
+        await _tell(socket, {"legend": legend(), "source": self._player.source.word})
         self._player.start()
         drawn = asyncio.Event()
         drawn.set()
         talk = _Talk()
         sending = asyncio.create_task(self._send(socket, drawn, talk))
         stopping = asyncio.create_task(self._close_when_stopped(socket))
+        sending.add_done_callback(lambda _: stopping.cancel())
         try:
             async for message in socket:
                 if message.type != self._web.WSMsgType.TEXT:
@@ -134,15 +136,19 @@ class Server:
                     drawn.set()
                 else:
                     reply = await asyncio.to_thread(self._obey, message.data, talk)
-                    await socket.send_str(json.dumps(reply))
+                    await _tell(socket, reply)
         finally:
             sending.cancel()
             stopping.cancel()
+            with suppress(asyncio.CancelledError):
+                await sending  # its error, where it had one, goes to the log of the server
         return socket
 
     async def _close_when_stopped(self, socket: Any) -> None:
-        await self._stop.wait()
-        await socket.close()
+        try:
+            await self._stop.wait()
+        finally:  # also where sending failed: a page that gets nothing any more must not look as if it did
+            await socket.close()
 
     async def _send(self, socket: Any, drawn: asyncio.Event, talk: _Talk) -> None:
         last = None
@@ -152,13 +158,14 @@ class Server:
             shown, state = self._player.latest, self._state()
             if shown is None or (talk.shown is shown and state == last):
                 if state != last:
-                    await socket.send_str(json.dumps({"state": state}))
+                    await _tell(socket, {"state": state})
                     last = state
                 continue
             message = await asyncio.to_thread(self._encode, shown, state)
             talk.shown, last = shown, state
             drawn.clear()
-            await socket.send_bytes(message)
+            with suppress(ConnectionError):
+                await socket.send_bytes(message)
 
     def _encode(self, shown: Shown, state: dict[str, Any]) -> bytes:
         return encoded(shown, self._player.left_view(shown), state)
@@ -192,6 +199,12 @@ class Server:
             return {"state": self._state()}
         except EndoError as error:
             return {"refused": f"{error.argument} {error.rule}", "id": wish.get("id")}
+
+
+async def _tell(socket: Any, content: dict[str, Any]) -> None:
+    """Send one answer, unless the page has been closed meanwhile."""
+    with suppress(ConnectionError):
+        await socket.send_str(json.dumps(content))
 
 
 class _Talk:
