@@ -245,10 +245,17 @@ def test_a_temporal_stream_goes_on_after_a_frame_that_failed():
     assert len(list(estimator.stream(shaking_pairs(3), temporal=True))) == 3
 
 
+SEEN = ((7, 96), (9, 80))  # number of a frame, as a source counts them, and its rows
+
+
 def test_frames_of_another_size_are_refused_for_what_they_are():
     left, right = shifted_pair(*SIZE, 9)
-    with pytest.raises(errors.InvalidArgument, match=r"left: must have the size of the stream, 160x96"):
+    said = "left: must have the size of the stream, 160x96; got 160x80 in frame"
+    with pytest.raises(errors.InvalidArgument, match=f"{said} 1 "):
         list(DepthEstimator(TINY_MODEL).stream([(left, right), (left[:80], right[:80])]))
+    frames = [SimpleNamespace(left=left[:rows], right=right[:rows], monotonic_ns=None, number=n) for n, rows in SEEN]
+    with pytest.raises(errors.InvalidArgument, match=f"{said} 9 "):
+        list(DepthEstimator(TINY_MODEL).stream(frames))
 
 
 def test_the_frames_of_a_source_are_rgb_whatever_the_estimator_is_given_else():

@@ -151,7 +151,10 @@ class Feeder:
         except InvalidArgument as error:
             if error.argument == "stream":  # it has ended since there was room
                 raise _closed_estimator() from error
-            raise
+            if error.argument == "estimator":
+                raise
+            which = getattr(frame, "number", number)  # a source counts those, too, that it dropped
+            raise InvalidArgument(error.argument, error.rule, f"{error.value} in frame {which}") from error
 
 
 def _closed_estimator() -> InvalidArgument:
