@@ -198,6 +198,28 @@ def _partly_covered(sample: Sample, rng: np.random.Generator) -> Sample:
     return replace(sample, right=right)
 
 
+def _bent(px: float) -> Callable[[Picture, np.random.Generator], Picture]:
+    """Liquid on the lens: the picture is bent by so many px, standard deviation, over lengths of 60 px."""
+
+    def bend(view: Picture, rng: np.random.Generator) -> Picture:
+        height, width = view.shape[:2]
+        y, x = np.indices((height, width), dtype=np.float32)
+        waves = [cv2.GaussianBlur(rng.standard_normal((height, width), np.float32), (0, 0), 60) for _ in range(2)]
+        along, down = (px * wave / wave.std() for wave in waves)
+        return np.asarray(cv2.remap(view, x + along, y + down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT))
+
+    return bend
+
+
+def _torn_region(view: Picture, rng: np.random.Generator) -> Picture:
+    """A part of the frame, a seventh of it, is of another moment: the camera stood 5 px aside and 5 px higher."""
+    view, (height, width) = view.copy(), view.shape[:2]
+    top, left = rng.integers(0, height * 6 // 10), rng.integers(0, width * 6 // 10)
+    part = np.s_[top : top + height * 4 // 10, left : left + width * 4 // 10]
+    view[part] = np.roll(view, (5, 5), axis=(0, 1))[part]
+    return view
+
+
 def _bit(sample: Sample, rng: np.random.Generator) -> Sample:
     right = sample.left.copy()
     right[0, 0, 0] ^= 1
@@ -254,4 +276,6 @@ FAULTS = (
     ),
     Case("right view larger by 1 %", _scaled(1.01), (Cause.SCALES_DIFFER,)),
     Case("fields 6 px apart", _fields_apart(6.0), (Cause.INTERLACED,)),
+    *(Case(f"right bent by {n} px, as by liquid", _right(_bent(n)), (Cause.DISTORTED,)) for n in (2, 4)),
+    Case("a part of the right from another moment", _right(_torn_region), (Cause.DISTORTED,)),
 )  # fmt: skip

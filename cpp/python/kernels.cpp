@@ -12,6 +12,7 @@
 #include "kernels/kernels.hpp"
 #include "maps/coarse_match.hpp"
 #include "maps/repeated_pattern.hpp"
+#include "maps/row_misfit.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/temporal_filter.hpp"
 #include "platform/threads.hpp"
@@ -139,6 +140,17 @@ py::object rig_error_of(const py::array& disparity, const py::array& confidence,
   return pose_tuple(rows.measure(matched, sure, grid, {frame.second, frame.first}, shape));
 }
 
+// Misfit of rests [bands, along] for tests: the share of parts that do not fit, and what is kept [down, across] or None.
+std::pair<double, py::object> row_misfit_of(const py::array& rest, float least) {
+  const FloatView seen = float_view<float>(rest, "rest");
+  RowMisfit misfit;
+  misfit.prepare(seen.height, seen.width);
+  misfit.find({seen.data, seen.data + static_cast<ptrdiff_t>(seen.height) * seen.width}, least);
+  const FloatView kept = misfit.kept();
+  if (kept.data == nullptr) return {misfit.share(), py::none()};
+  return {misfit.share(), py::array_t<float>({kept.height, kept.width}, kept.data)};
+}
+
 // The views of a pair, reduced as for the trust checks. The network's matches are not needed.
 MatchedViews reduced_views(const py::array& left, const py::array& right, std::pair<int, int> picture) {
   const PlanarView views[] = {read_only_planes(left, "left"), read_only_planes(right, "right")};
@@ -194,6 +206,8 @@ void bind_maps(py::module_& m) {
         "Resize a map with half-pixel centres and multiply it by gain.");
   m.def("rig_error", &rig_error_of, arg("disparity"), arg("confidence"), arg("left").noconvert(), arg("right").noconvert(),
         arg("picture"), arg("frame"), arg("pattern"), "The pose error that explains what is left across the rows.");
+  m.def("row_misfit", &row_misfit_of, arg("rest").noconvert(), arg("least"),
+        "Share of the parts of a picture that no rig explains, and 0 there and beside them, 1 elsewhere; None below the limit.");
   m.def("lag_of", &lag_of, arg("moved_px"), arg("rows_px"),
         "By how many frames the right view is late, and its standard error, from lists of one number a frame: the rows by "
         "which the picture's content lay lower in the frame before, and by which matches lie lower in the right view.");

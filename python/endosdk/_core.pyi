@@ -51,6 +51,7 @@ class Cause(enum.IntEnum):
     REPEATED_PATTERN = 16
     SCALES_DIFFER = 17
     INTERLACED = 18
+    DISTORTED = 19
 
 class _CauseFact(TypedDict):
     measure: str  # what the number counts, and in which unit
@@ -293,6 +294,7 @@ def coarse_match(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> tuple
 def share_of_rivals(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> float:
     """Share of the textured patches of the left view that match at two places of their row."""
 
+def row_misfit(rest: npt.NDArray[np.float32], least: float) -> tuple[float, npt.NDArray[np.float32] | None]: ...
 def lag_of(moved_px: Sequence[float], rows_px: Sequence[float]) -> tuple[float, float]:
     """Return by how many frames the right view is late, and the standard error of that.
 

@@ -291,7 +291,8 @@ typedef enum endo_cause {
     ENDO_CAUSE_STALE = 15,            /* the pair was taken longer ago than options.max_age_ms */
     ENDO_CAUSE_REPEATED_PATTERN = 16, /* the image repeats itself, so matches may be wrong by whole periods */
     ENDO_CAUSE_SCALES_DIFFER = 17,    /* zoom or focus of the cameras differ */
-    ENDO_CAUSE_INTERLACED = 18        /* even and odd rows are of two moments */
+    ENDO_CAUSE_INTERLACED = 18,       /* even and odd rows are of two moments */
+    ENDO_CAUSE_DISTORTED = 19         /* a view is bent, or of another moment, in a part of it */
 } endo_cause;
 
 #define ENDO_MOST_CAUSES 32

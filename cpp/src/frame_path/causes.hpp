@@ -10,6 +10,7 @@
 #include <endosdk/endosdk.h>
 #include "images/same_view.hpp"
 #include "maps/photometric_consistency.hpp"
+#include "maps/row_misfit.hpp"
 
 namespace endosdk {
 
@@ -36,9 +37,10 @@ enum class Cause : int {
   repeated_pattern = ENDO_CAUSE_REPEATED_PATTERN,
   scales_differ = ENDO_CAUSE_SCALES_DIFFER,
   interlaced = ENDO_CAUSE_INTERLACED,
+  distorted = ENDO_CAUSE_DISTORTED,
 };
 
-constexpr int cause_count = 19;
+constexpr int cause_count = 20;
 
 // Number of measures that fit in the C result; it has room for causes of later releases.
 constexpr int most_causes = ENDO_MOST_CAUSES;
@@ -97,6 +99,8 @@ constexpr CauseFact cause_facts[] = {
      "zoom or focus of the cameras differ", "set the same zoom on both cameras, or calibrate the rig again"},
     {Cause::interlaced, "INTERLACED", "share of the image in which neighbouring rows differ more than rows two apart", Bad::high, 0.1, never,
      "even and odd rows are of two moments", "deinterlace the video, or set the camera to progressive scan"},
+    {Cause::distorted, "DISTORTED", "share of the image whose rows differ in a way that no rig explains", Bad::high, distorted_share, never,
+     "in a part of the image, one view is bent or of another moment", "clean the lenses, and check the link for lost data"},
 };
 
 static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause_count <= most_causes);

@@ -53,6 +53,7 @@ void judge_rig(const FrameToJudge& frame, FrameReport& report) {
   report.pose = frame.seen.rows.latest();
   if (!report.pose.measured) return;
   const PoseError& pose = report.pose;
+  report.causes.set(Cause::distorted, frame.seen.rows.misfit().share());
   report.causes.set(Cause::scales_differ, 100.0 * std::abs(pose.certain_scale()));
   if (report.calibrated) report.causes.set(Cause::rig_moved, degrees_per_radian * turn_length(pose.certain_turns()));
   if (report.causes.raised(Cause::rig_moved)) return;
@@ -93,7 +94,7 @@ void FrameJudgement::explain_failure(const FrameToJudge& frame, bool failed, Fra
   const bool missed = report.pose.measured && report.pose.vertical_px < least_found * rows_off;
   if (swapped || missed || report.causes.raised(Cause::views_differ)) {
     report.pose = {};
-    for (const Cause measured : {Cause::rig_moved, Cause::not_rectified, Cause::scales_differ}) report.causes.set(measured, never);
+    for (const Cause measured : {Cause::rig_moved, Cause::not_rectified, Cause::scales_differ, Cause::distorted}) report.causes.set(measured, never);
   }
   if (swapped || report.pose.measured) return;
   report.causes.set(Cause::not_rectified, rows_off);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "geometry/median.hpp"
 
@@ -198,6 +199,13 @@ void PoseMeasurements::finish(PoseError& error) const {
   error.vertical_px = std::sqrt(square / count);
   error.vertical_se_px = std::sqrt(variance / count);
   error.mean_vertical_px = mean / count;
+}
+
+void PoseMeasurements::left_over(std::vector<float>& rest) const {
+  rest.resize(rest_.size());
+  for (size_t i = 0; i < rest.size(); ++i) {
+    rest[i] = weight_[i] > 0.0f ? left_over(i, step_) : std::numeric_limits<float>::quiet_NaN();
+  }
 }
 
 double turn_length(const PoseVector& value) { return std::sqrt(value[0] * value[0] + value[1] * value[1] + value[2] * value[2]); }

@@ -93,6 +93,9 @@ class PoseMeasurements {
   // Completes the error after the last refine(): its covariance and the vertical disparity.
   void finish(PoseError& error) const;
 
+  // The vertical disparity that the last refine() leaves, NaN where nothing was measured.
+  void left_over(std::vector<float>& rest) const;
+
  private:
   void choose(size_t measured);
   double scatter(const PoseVector& step);

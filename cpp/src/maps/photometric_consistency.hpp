@@ -10,6 +10,7 @@
 
 #include "images/resize.hpp"
 #include "maps/matched_views.hpp"
+#include "maps/row_misfit.hpp"
 
 namespace endosdk {
 
@@ -30,8 +31,8 @@ constexpr double confidence_parts = 480.0;
 class PhotometricConsistency {
  public:
   // Judges the network's confidence by the views, if they are given. `grid` is in cells of the confidence per pixel of the
-  // views. `reach` is the unit of the confidence that users see, in network pixels.
-  void judge(const FloatView& confidence, double reach, const MatchedViews* views, Scale grid);
+  // views. `reach` is the unit of the confidence that users see, in network pixels. `misfit` says where there is no confidence.
+  void judge(const FloatView& confidence, double reach, const MatchedViews* views, Scale grid, const RowMisfit* misfit);
 
   // Both maps are valid until the next call, and 0 everywhere if the views do not belong together. `seen` is the confidence for
   // users, about errors up to `reach`. `own` is the part of the network's own confidence that the pictures leave; the expected
@@ -44,7 +45,8 @@ class PhotometricConsistency {
   std::vector<int32_t> cell_of_column_;
   std::vector<float> seen_;
   std::vector<float> own_;
-  std::vector<float> scratch_;  // per worker: support and odds of a row
+  RowResizer kept_;
+  std::vector<float> scratch_;  // per worker: support and odds of a row, and what the misfit leaves of it
 };
 
 }  // namespace endosdk

@@ -109,7 +109,8 @@ void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
       scratch.rows.measure(scratch.views, in.confidence, cells_of(in), {1.0 / in.view_scale.y, 1.0 / in.view_scale.x}, in.pattern);
     }
   }
-  scratch.consistency.judge(in.confidence, in.reach, has_right(in) ? &scratch.views : nullptr, has_right(in) ? cells_of(in) : Scale{});
+  scratch.consistency.judge(in.confidence, in.reach, has_right(in) ? &scratch.views : nullptr, has_right(in) ? cells_of(in) : Scale{},
+                            has_right(in) && in.pattern.focal_x > 0.0 ? &scratch.rows.misfit() : nullptr);
 }
 
 // A disparity map, and its pixels per output pixel.

@@ -9,8 +9,7 @@
 namespace endosdk {
 namespace {
 
-// Bands of three rows of cells lie this far apart. The first, coarse passes take only every `coarse_every`-th band.
-constexpr int band_period = 6;
+// The first, coarse passes take only every `coarse_every`-th band.
 constexpr int first_band = 2;
 constexpr int coarse_every = 3;
 constexpr int most_coarse_passes = 6;
@@ -28,13 +27,16 @@ constexpr float ridge = 0.1f;  // keeps windows without gradients along x from d
 // Longest step, in rows of brightness, that is taken for right. Later passes begin near the answer.
 constexpr float longest_step = 2.0f;
 
+// Columns of brightness, of 480 or so: a part of the picture fits the rig if its matches lie nearer to their rows.
+constexpr float least_misfit = 0.4f;
+
 bool near_enough(const PoseVector& before, const PoseVector& after) {
   double most = 0.0;
   for (size_t i = 0; i < 3; ++i) most = std::max(most, std::abs(after[i] - before[i]));
   return most < settled;
 }
 
-int first_row(int band) { return first_band + band_period * band; }
+int first_row(int band) { return first_band + RowDisparity::band_period * band; }
 
 }  // namespace
 
@@ -45,7 +47,7 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   const Size cells = views.size();
   column_ = {2.0 * views.unit() * frame.y, views.unit() * frame.x};
   bands_ = cells.height >= 2 * first_band + 1 ? (cells.height - 1 - 2 * first_band) / band_period + 1 : 0;
-  along_ = std::max(0, (cells.width - 1) / 2);
+  along_ = std::max(0, (cells.width - 1) / cells_along);
   // Allocates all memory before any early return, so that frames after the first allocate nothing.
   scratch_size_ = (row_step_sums + 1) * cells.width;
   const int workers = thread_count();
@@ -53,6 +55,8 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   wanted_.resize(static_cast<size_t>(3 * bands_) * static_cast<size_t>(cells.width));
   columns_.resize(static_cast<size_t>(cells.width));
   measurements_.resize(bands_ * along_);
+  rest_.reserve(static_cast<size_t>(bands_ * along_ + fit_lanes));
+  misfit_.prepare(bands_, along_);
   error_ = {};
   if (bands_ == 0 || along_ == 0) return error_;
   const double noise = std::max(views.left_noise(), views.right_noise());
@@ -67,6 +71,8 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   pass(1);
   if (!measurements_.refine(error_.value)) return error_ = {};
   measurements_.finish(error_);
+  measurements_.left_over(rest_);
+  misfit_.find(rest_, least_misfit * static_cast<float>(column_.x));
   error_.measured = true;
   return error_;
 }

@@ -7,6 +7,7 @@
 #include "geometry/pose_error.hpp"
 #include "images/resize.hpp"
 #include "maps/matched_views.hpp"
+#include "maps/row_misfit.hpp"
 
 namespace endosdk {
 
@@ -16,11 +17,18 @@ constexpr float row_disparity_confidence = 0.5f;
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class RowDisparity {
  public:
+  // Windows are three rows of three cells. Bands of them, and windows of a band, lie so many cells apart.
+  static constexpr int band_period = 6;
+  static constexpr int cells_along = 2;
+
   // `frame` is in frame pixels per pixel of the views. `grid` is in cells of the confidence per pixel of the views.
   const PoseError& measure(const MatchedViews& views, const FloatView& confidence, Scale grid, Scale frame,
                            const PosePattern& pattern);
 
   const PoseError& latest() const { return error_; }
+
+  // Where the latest error does not explain the measurements.
+  const RowMisfit& misfit() const { return misfit_; }
 
  private:
   void measure_band(int band, int first, int worker);
@@ -40,6 +48,8 @@ class RowDisparity {
   std::vector<int> columns_;  // column of the confidence for each cell
   std::vector<float> scratch_;  // per worker
   PoseError error_;
+  std::vector<float> rest_;
+  RowMisfit misfit_;
 };
 
 }  // namespace endosdk

@@ -72,6 +72,9 @@ bool threads_become(long count) {
   return use_now().threads == count + of_the_sanitizer;
 }
 
+// Once the program has started a thread.
+long own_threads() { return use_now().threads - of_the_sanitizer; }
+
 endo_options hooked(const Places& at, Seen& seen) {
   endo_options options = default_options(at);
   options.threads = threads;
@@ -111,7 +114,7 @@ void an_estimator_of_one_thread_starts_its_stream_alone(const Places& at) {
 }
 
 void every_thread_is_shown_to_the_host(const Places& at) {
-  const long before = use_now().threads;
+  const long before = own_threads();
   Seen seen;
   const Opened estimator(at, hooked(at, seen));
   CHECK(seen.count("endosdk-session") == threads - 1 && seen.names.size() == threads - 1);
@@ -163,7 +166,7 @@ void sessions_of_one_thread_start_none(const Places& at) {
 int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   an_estimator_of_one_thread_starts_its_stream_alone(at);  // first: kernel threads stay
-  const long before = use_now().threads;
+  const long before = own_threads();
   every_thread_is_shown_to_the_host(at);
   a_second_estimator_shows_the_threads_of_its_own(at);
   closing_leaves_the_kernel_threads_alone(before);
