@@ -294,7 +294,9 @@ def coarse_match(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> tuple
 def share_of_rivals(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> float:
     """Share of the textured patches of the left view that match at two places of their row."""
 
-def row_misfit(rest: npt.NDArray[np.float32], least: float) -> tuple[float, npt.NDArray[np.float32] | None]: ...
+def row_misfit(rest: _Map, least: float) -> tuple[float, _Map | None]:
+    """Share of the parts of a picture that no rig explains, and 0 there and beside them, 1 elsewhere; None below the limit."""
+
 def lag_of(moved_px: Sequence[float], rows_px: Sequence[float]) -> tuple[float, float]:
     """Return by how many frames the right view is late, and the standard error of that.
 
