@@ -1,5 +1,6 @@
 """A folder is claimed by one job, which goes on there after a stop; nothing of anybody else is touched."""
 
+import json
 import os
 import subprocess
 import sys
@@ -7,14 +8,14 @@ import sys
 import pytest
 
 from endosdk.errors import InvalidArgument, StorageFailed
-from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.resumable_folder import claim_folder, difference
 from endosdk.io.whole_files import whole_file, whole_folder, whole_path
 
 SETTINGS = {"settings": {"size": 3}}
 
 
 def claim(folder, settings=SETTINGS):
-    return claim_folder(folder, "job.json", settings, lambda begun: begun == settings, "must be the same job")
+    return claim_folder(folder, "job.json", settings, lambda begun: difference(begun, settings), "must be the same job")
 
 
 def test_a_new_folder_is_begun_and_gone_on_with(tmp_path):
@@ -28,8 +29,19 @@ def test_a_new_folder_is_begun_and_gone_on_with(tmp_path):
 
 def test_another_job_is_refused(tmp_path):
     claim(tmp_path)
-    with pytest.raises(InvalidArgument, match="out: must be the same job"):
+    with pytest.raises(InvalidArgument, match=r"out: must be the same job; got .*, begun with size 3, not 4 "):
         claim(tmp_path, {"settings": {"size": 4}})
+
+
+def test_the_setting_that_differs_is_named_with_both_values():
+    kept = {"settings": {"rig": {"focal": [1.5, None]}, "bits": None, "same": True}}
+    assert difference(kept, json.loads(json.dumps(kept))) is None
+    assert difference(kept, {"settings": {**kept["settings"], "rig": {"focal": [1.5]}}}) == (
+        "rig.focal [1.5, null], not [1.5]"
+    )
+    assert difference(kept, {"settings": {**kept["settings"], "rig": None}}) == ('rig {"focal": [1.5, null]}, not null')
+    assert difference(kept, {"settings": {"rig": kept["settings"]["rig"], "same": True}}) == "bits null, not nothing"
+    assert difference({}, {"version": "x" * 200}) == f'version nothing, not "{"x" * 79} ...'
 
 
 def test_what_another_is_at_work_on_stays(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -223,10 +224,15 @@ def test_pictures_of_16_bits_are_read_as_they_are_said_to_be(archive, tmp_path, 
 
 def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
     pairs = find_pairs(archive / "left", archive / "right")
-    changes = ({"model": "fast-fp32"}, {"network_size": (160, 120)}, {"limits": Limits(0.9)}, {"bits": 12})
-    for other in (replace(settings, **change) for change in changes):
-        with pytest.raises(InvalidArgument, match="out: must be new, or a batch of the same model, rig, size, limits"):
-            run_batch(pairs, other, done)
+    for change, seen in (
+        ({"model": "fast-fp32"}, 'model.name "fast", not "fast-fp32"'),
+        ({"network_size": (160, 120)}, "network_size null, not [160, 120]"),
+        ({"limits": Limits(0.9)}, "min_confidence 0.7, not 0.9"),
+        ({"bits": 12}, "bits null, not 12"),
+    ):
+        said = f"out: must be new, or a batch of the same model, rig, size, limits.*, begun with {re.escape(seen)} "
+        with pytest.raises(InvalidArgument, match=said):
+            run_batch(pairs, replace(settings, **change), done)
 
 
 @pytest.mark.parametrize(

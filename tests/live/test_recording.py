@@ -209,6 +209,17 @@ def test_nothing_is_added_after_the_end(video, tmp_path):
     assert Recording(tmp_path / "r").count == 1
 
 
+def test_another_setting_of_a_recording_that_was_begun_is_named(recorded, video, tmp_path):
+    source = endosdk.open_source(video)
+    said = "out: must be new, or a recording of the same source, .*, begun with"
+    with pytest.raises(InvalidArgument, match=f"{said} pictures true, not false "):
+        Recorder(recorded, estimator(), source, pictures=False)
+    with pytest.raises(InvalidArgument, match=rf"{said} calibration \{{.*\.\.\., not null "):
+        Recorder(recorded, estimator(None), source)
+    with pytest.raises(InvalidArgument, match=rf'{said} source ".*v\.mkv", not "nothing" '):
+        Recorder(recorded, estimator(), NoFrames("nothing"))
+
+
 def test_two_recorders_never_share_a_folder(video, tmp_path):
     source = endosdk.open_source(video)
     frame = next(iter(source))

@@ -115,7 +115,14 @@ def test_a_set_can_grow_but_not_change(whole: Path, tmp_path: Path, capsys: pyte
     assert all(fault is None for _, fault in verify_dataset(out))
     assert open_dataset(out, "train").sha256 == open_dataset(whole, "train").sha256
     assert simulate(out, "--pairs", "2", "--baseline", "9") == 2
-    assert "out: must be new" in capsys.readouterr().err
+    assert f"out: must be new, or hold a set begun with the same settings; got {out}" in capsys.readouterr().err
+    for words, seen in (
+        (("--pairs", "3", "--test-pairs", "1", "--baseline", "9"), "camera.baseline_mm 10.0, not 9.0"),
+        (("--pairs", "1", "--test-pairs", "1"), "pairs 2, not 1"),
+        (("--pairs", "2", "--test-pairs", "1", "--faults"), "faults nothing, not true"),
+    ):
+        assert simulate(out, *words) == 2
+        assert f"begun with {seen} [" in capsys.readouterr().err
 
 
 def test_a_strange_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

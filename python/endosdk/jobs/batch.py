@@ -23,7 +23,7 @@ from endosdk.io.locks import locked_folder
 from endosdk.io.picture_pairs import pair_pictures
 from endosdk.io.pictures import check_bits, read_frame
 from endosdk.io.progress import progress
-from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.resumable_folder import claim_folder, difference
 from endosdk.io.whole_files import remove_partials, whole_folder, write_text
 from endosdk.jobs.processes import WorkerKilled, work_apart, work_on_ray
 from endosdk.runtime.arguments import Picture
@@ -107,7 +107,7 @@ def run_batch(
             job.out,
             RECORD,
             fresh,
-            lambda begun: {name: begun.get(name) for name in fresh} == fresh,
+            lambda begun: difference({name: begun.get(name) for name in fresh}, fresh),
             "must be new, or a batch of the same model, rig, size, limits, bits and provider, by this version",
         )
         missing = [pair for pair in pairs if not job.folder(pair).is_dir()]

@@ -14,7 +14,7 @@ from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.locks import LOCK, locked_folder
 from endosdk.io.progress import progress as progress_bar
-from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.resumable_folder import claim_folder, difference
 from endosdk.io.whole_files import PARTIAL, write_text
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.render_processes import render_apart, render_here, render_on_ray
@@ -72,7 +72,7 @@ def _claim(root: Path, recipe: Recipe) -> None:
     """Write the recipe into a new folder, or check that the folder was begun with the same one."""
     wanted = json.loads(json.dumps({"generator_version": GENERATOR_VERSION, **recipe.described()}, sort_keys=True))
     rule = "must be new, or hold a set begun with the same settings"
-    begun = claim_folder(root, RECIPE, wanted, lambda begun: _extends(wanted, begun), rule)
+    begun = claim_folder(root, RECIPE, wanted, lambda begun: _misfit(wanted, begun), rule)
     if begun != wanted:
         write_text(root / RECIPE, json.dumps(wanted, indent=1) + "\n", "out")
 
@@ -96,12 +96,11 @@ def _hash(folder: Path) -> str:
         raise DatasetInvalid("out", CHANGED, f"{folder}: {error.value}") from error
 
 
-def _extends(wanted: dict[str, Any], begun: dict[str, Any]) -> bool:
-    """Whether a set may go on with these settings: the same ones, or more pairs of the same seeds."""
-    growing = ("pairs", "test_pairs")
-    if any(not isinstance(begun.get(key), int) or begun[key] > wanted[key] for key in growing):
-        return False
-    return begun == {**wanted, **{key: begun[key] for key in growing}}
+def _misfit(wanted: dict[str, Any], begun: dict[str, Any]) -> str | None:
+    """Return why a set cannot go on with these settings; it can with the same ones, or more pairs of the same seeds."""
+    counts = {key: begun.get(key) for key in ("pairs", "test_pairs")}
+    grown = {key: count for key, count in counts.items() if isinstance(count, int) and count <= wanted[key]}
+    return difference(begun, {**wanted, **grown})
 
 
 def _render_all(job: Job, tasks: list[Task], workers: int, shown: bool, ray: bool) -> None:

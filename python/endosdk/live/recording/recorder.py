@@ -18,7 +18,7 @@ from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json
 from endosdk.io.interrupts import interrupts_deferred
 from endosdk.io.locks import locked_folder
-from endosdk.io.resumable_folder import claim_folder
+from endosdk.io.resumable_folder import claim_folder, difference
 from endosdk.io.whole_files import whole_folder, whole_path, write_text
 from endosdk.live.frames import Frame
 from endosdk.live.recording.sixteen_bits import STEPS, described, quantity_of, shares_of, to_levels
@@ -231,15 +231,13 @@ def lines_in(out: Path) -> list[dict[str, Any]]:
 
 def _claimed(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the record of a new folder, or of one that was begun with these settings."""
-    fresh = {
-        "format_version": FORMAT_VERSION, "settings": settings, "begun_ns": None, "preview_range": None,
-        "complete": False,
-    }  # fmt: skip
+    compared = {"format_version": FORMAT_VERSION, "settings": settings}
+    fresh = {**compared, "begun_ns": None, "preview_range": None, "complete": False}
     return claim_folder(
         out,
         RECORD,
         fresh,
-        lambda begun: (begun.get("format_version"), begun.get("settings")) == (FORMAT_VERSION, settings),
+        lambda begun: difference({name: begun.get(name) for name in compared}, compared),
         "must be new, or a recording of the same source, model, rig and limits, begun by this version",
     )
 
