@@ -295,7 +295,7 @@ def share_of_rivals(left: _Bytes, right: _Bytes, picture: tuple[int, int]) -> fl
     """Share of the textured patches of the left view that match at two places of their row."""
 
 def row_misfit(rest: _Map, least: float) -> tuple[float, _Map | None]:
-    """Share of the parts of a picture that no rig explains; and 0 there and beside them, 1 elsewhere, if it is distorted."""
+    """Share of the parts of a picture that no rig explains; 0 there and beside them, 1 elsewhere, if distorted."""
 
 def lag_of(moved_px: Sequence[float], rows_px: Sequence[float]) -> tuple[float, float]:
     """Return by how many frames the right view is late, and the standard error of that.
