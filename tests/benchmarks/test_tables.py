@@ -65,6 +65,11 @@ def test_files_that_are_called_earlier_ones_give_the_same_answers():
         later = {found["earlier_sha256"] for found in models.values()}
 
 
+def test_every_fuzz_target_was_fuzzed():
+    targets = {file.stem.removeprefix("fuzz_") for file in (records.SOURCES / "cpp" / "fuzz").glob("fuzz_*.cpp")}
+    assert set(records.read("speed/c_library")["fuzz"]["result"]) == targets
+
+
 def test_functions_that_are_run_are_counted():
     assert attacks.tests_in("def helper():\ndef test_one(x):\n    def test_inner():\ndef test_two():\n") == {
         "test_one",
