@@ -34,13 +34,12 @@ def gains_of_fast_320():
 
 
 def kernel_gains():
-    (rectify,), (resize,) = (
-        [
-            one["times_faster"][rival]
-            for one in read("speed/kernels")["results"]
-            if (one["kernel"], one["size"], one["threads"]) == (kernel, "960x720", 1)
-        ]
-        for kernel, rival in (("rectify", "opencv"), ("resize_depth", "numpy"))
+    """By how much each kernel is faster than the fastest rival."""
+    rectify, resize = (
+        min(one["times_faster"].values())
+        for kernel in ("rectify", "resize_depth")
+        for one in read("speed/kernels")["results"]
+        if (one["kernel"], one["size"], one["threads"]) == (kernel, "960x720", 2)
     )
     return f"{rectify:.1f}", f"{resize:.1f}"
 
