@@ -85,6 +85,9 @@ class Run:
         self.precision = precision_on(self.device, config.precision)
         if self.device.type == "cpu":
             keep_freed_memory()
+        self.config = config
+        # Before the network, which settings of another run may not fit.
+        saved = self._saved() if resume else None
         # Before the data, which takes its time to open: a wrong name or range is refused at once.
         torch.manual_seed(config.seed)
         self.network = checkpoint.configured_network(config)
@@ -93,6 +96,8 @@ class Run:
         self.config = replace(config, crop=self.crop)
         self.loss = build_loss(config.loss, config.balance)
         self.reader = open_sets(config.data, "train", config.layout)
+        if saved is not None:
+            self._check_same_data(saved, {"sha256": self.reader.sha256})
         self.train_pairs, self.held_out = split_pairs(self.reader, config)
         self.crops = self._crops_of(self.train_pairs)
         self.beyond_range = self._count_beyond_range() if rank == 0 else 0.0
@@ -101,7 +106,7 @@ class Run:
         self.watch: Watch | None = None
         self.origin: dict[str, Any] | None = None  # what the weights were before this run
         self.changes: list[dict[str, Any]] = []  # of steps and rates, by the step from which they hold
-        moments = self._restore(resume)
+        moments = self._restore(saved)
         channels_last(self.network.to(self.device))
         if config.quantised:
             round_to_bytes(self.network)
@@ -128,28 +133,39 @@ class Run:
             inference_width=self.network.inference_width,
         )
 
-    def _restore(self, resume: bool) -> dict[str, Tensor] | None:
+    def _restore(self, saved: checkpoint.Checkpoint | None) -> dict[str, Tensor] | None:
         """Take over what the run goes on from; return the state of the optimiser where it is a run's own."""
-        if resume:
-            return self._resume(checkpoint.load(self.out))
+        if saved is not None:
+            return self._resume(saved)
         self._check_start()
         if self.config.init_from is not None:
             # Only a start may be a shipped name: a run's own folder may be called the same.
             self._start_from(checkpoint.load(checkpoint.starting_point(self.config.init_from)))
         return None
 
-    def _resume(self, saved: checkpoint.Checkpoint) -> dict[str, Tensor]:
+    def _saved(self) -> checkpoint.Checkpoint:
+        """Return the checkpoint that the run goes on from. Raises InvalidArgument where it is one of other settings."""
+        saved = checkpoint.load(self.out)
         if saved.step > self.config.steps:
             raise InvalidArgument("steps", f"must be at least the {saved.step} that are done", self.config.steps)
         # Rates that no step is left to use would be a false record.
         free = set(RESUMED) - ({"rate", "final_rate"} if saved.step == self.config.steps else set())
+        free |= {"crop"} if self.config.crop is None else set()  # only the network says which is meant
         for name in [name for name in self.config.as_dict() if name not in free]:
             self._check_same(saved, name)
-        before, now = saved.state["dataset"], self._dataset_note()
-        for name in ("sha256", "pairs", "held_out"):
+        return saved
+
+    def _check_same_data(self, saved: checkpoint.Checkpoint, now: dict[str, Any]) -> None:
+        before = saved.state["dataset"]
+        for name in now:
             if before.get(name, now[name]) != now[name]:  # older checkpoints do not say all
                 rule = f"must be what the run began with, {name} {before[name]}; for other data --init-from {self.out}"
                 raise InvalidArgument("data", rule, now[name])
+
+    def _resume(self, saved: checkpoint.Checkpoint) -> dict[str, Tensor]:
+        self._check_same(saved, "crop")
+        now = self._dataset_note()
+        self._check_same_data(saved, {name: now[name] for name in ("pairs", "held_out")})
         saved.load_into(self.network)
         self.changes = saved.state.get("changes", [])
         pairs = {name: (getattr(saved.config, name), getattr(self.config, name)) for name in SCHEDULE}
