@@ -229,6 +229,22 @@ def test_a_frame_has_its_own_time_and_stages(monkeypatch):
     np.testing.assert_allclose(found, [[n, n + 0.1, n + 0.2, n + 0.3] for n in (3, 4, 5)])
 
 
+@pytest.mark.parametrize("size, most", [((64, 64), 16), ((480, 360), 32), ((1920, 1080), 112)])
+def test_the_rival_searches_the_disparities_that_there_are(size, most):
+    pairs = [pair.resized(*size) for pair in sample_pairs()]
+    truth = max(np.nanmax(pair.disparity) for pair in pairs)
+    rival = bench._Sgbm(pairs, BenchSettings("fast-fp32", size, None, 1, 25, 1, "cpu", "sgbm"))
+    rival.time(0, 1)
+    assert most - 16 <= truth < most == rival.record()["max_disparity"]
+
+
+def test_a_rival_that_gives_nonsense_is_not_timed(monkeypatch):
+    monkeypatch.setattr(SgbmBaseline, "compute", lambda self, left, right: np.ones(left.shape[:2], np.float32))
+    settings = BenchSettings("fast-fp32", (480, 360), (320, 240), 1, 25, 1, "cpu", "sgbm")
+    with pytest.raises(errors.InferenceFailed, match=r"against: must be within .* before it is timed"):
+        run_benchmark(settings)
+
+
 def test_a_model_that_gives_nonsense_is_not_timed():
     # Seen 1440 px wide, most of the tissue lies beyond the 32 px that this model reaches.
     settings = BenchSettings(str(TINY_MODEL), (960, 720), (1440, 1080), 1, 25, 1, "cpu", None)
