@@ -151,7 +151,7 @@ def test_the_range_of_block_matching_is_set_and_recorded(planes, tmp_path, capsy
         assert record["command"].endswith(" ".join(options))
         assert record["scores"]["in_range"]["share"] == pytest.approx(2 / 3 if options else 1)
     for model, value, rule in (
-        ("sgbm", "40", "max_disparity: of sgbm must be a multiple of 16, at least 16; got 40"),
+        ("sgbm", "40", "evaluate: sgbm_range: must be a multiple of 16, at least 16; got 40"),
         (str(TINY_MODEL), "16", "sgbm_range: is for --model sgbm; got 16"),
     ):
         assert main([*given, model, "--sgbm-range", value]) == 2

@@ -143,7 +143,10 @@ def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     for name, default in FOR_MODELS:
         if getattr(args, name) != default:
             raise InvalidArgument(name, "is for models; leave it out with sgbm", getattr(args, name))
-    settings = SgbmSettings() if args.sgbm_range is None else SgbmSettings(max_disparity=args.sgbm_range)
+    try:
+        settings = SgbmSettings() if args.sgbm_range is None else SgbmSettings(max_disparity=args.sgbm_range)
+    except InvalidArgument as error:  # it names the matcher's setting, which has another name
+        raise InvalidArgument("sgbm_range", error.rule, error.value) from error
     return sgbm_method(filled=True, settings=settings), {"name": "sgbm", "max_disparity": settings.max_disparity}
 
 

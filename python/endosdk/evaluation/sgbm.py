@@ -33,7 +33,7 @@ class SgbmSettings:
     def __post_init__(self) -> None:
         """Check what OpenCV would refuse without naming it."""
         if self.max_disparity < 16 or self.max_disparity % 16:
-            raise InvalidArgument("max_disparity", "of sgbm must be a multiple of 16, at least 16", self.max_disparity)
+            raise InvalidArgument("max_disparity", "must be a multiple of 16, at least 16", self.max_disparity)
 
 
 class SgbmBaseline:
