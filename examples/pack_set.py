@@ -50,8 +50,11 @@ def pack(source: Path, folder: Path) -> None:
 
 def main(source: Path, target: Path) -> None:
     """Pack what is finished; write the packed set's record when nothing is missing."""
+    folders = sorted((source / "test").glob("[0-9]*"))
+    if not folders:
+        raise SystemExit(f"{source} has no finished test pairs; endosdk simulate renders them with --test-pairs")
     recipe = json.loads((source / "recipe.json").read_text())
-    for folder in sorted((source / "test").iterdir()):
+    for folder in folders:
         if not (target / "test" / folder.name).exists():
             pack(folder, target / "test" / folder.name)
     shutil.copy(source / "recipe.json", target / "recipe.json")

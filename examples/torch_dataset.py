@@ -28,7 +28,7 @@ class Pair(TypedDict):
 
 
 class StereoPairs(Dataset[Pair]):
-    """The pairs of a split, cut to one size at a random place, so that a loader can stack them.
+    """The pairs of a split, cut to one size at a random place. Smaller pairs stay as they are.
 
     Both views are cut at the same columns. So the disparity stays as it is.
     """
@@ -66,9 +66,16 @@ def as_planes(view: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(np.ascontiguousarray(view.transpose(2, 0, 1))).float() / 255
 
 
+def stacked(pairs: list[dict[str, torch.Tensor]]) -> dict[str, torch.Tensor]:
+    """Make one batch. All pairs are cut to the smallest of them: a set may have frames of several sizes."""
+    height, width = (min(pair["known"].shape[axis] for pair in pairs) for axis in (0, 1))
+    maps = {name: [pair[name][..., :height, :width] for pair in pairs] for name in pairs[0]}
+    return {name: torch.stack(each) for name, each in maps.items()}
+
+
 def main() -> None:
     root, split = sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else "train"
-    loader = DataLoader(StereoPairs(root, split), batch_size=4, shuffle=True, num_workers=2)
+    loader = DataLoader(StereoPairs(root, split), batch_size=4, shuffle=True, num_workers=2, collate_fn=stacked)
     batch = next(iter(loader))
     for name, tensor in batch.items():
         print(f"{name:10} {str(tensor.dtype).removeprefix('torch.'):8} {list(tensor.shape)}")

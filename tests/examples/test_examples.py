@@ -13,6 +13,8 @@ from rosbags.typesys import Stores, get_typestore
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.calibration.boards import Board
 from endosdk.commands.cli import main
+from endosdk.datasets.dataset import Sample
+from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.io.pictures import write_picture
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.live.videos import side_by_side, views, write
@@ -33,11 +35,15 @@ def folder(tmp_path_factory):
     return folder
 
 
-def ran(name: str, *words) -> str:
+def done(name: str, *words) -> subprocess.CompletedProcess[str]:
     program = [sys.executable, str(ROOT / "examples" / name), *map(str, words)]
-    done = subprocess.run(program, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return subprocess.run(program, capture_output=True, text=True, check=False)
+
+
+def ran(name: str, *words) -> str:
+    example = done(name, *words)
+    assert example.returncode == 0, example.stderr
+    return example.stdout
 
 
 def test_torch_dataset():
@@ -46,6 +52,34 @@ def test_torch_dataset():
     assert printed[0].endswith("[4, 3, 256, 512]") and printed[3].endswith("[4, 256, 512]")
     mean = float(printed[5].removeprefix("mean disparity ").removesuffix(" px"))
     assert 5 < mean < 60  # of whole pairs: 10 to 40 px
+
+
+def write_set(root, *sizes):
+    """Write a set of training pairs of these sizes (height, width)."""
+    hashes = {}
+    for number, size in enumerate(sizes):
+        views = shifted_pair(*size, 5)
+        sample = Sample(f"{number:09d}", *views, np.full(size, 5, np.float32), None, None, focal_px=200, baseline_mm=5)
+        hashes[sample.id] = write_sample(root, "train", sample)
+    samples = {"train": hashes, "test": {}}
+    write_dataset_record(root, {"format_version": 1, "name": root.name, "samples": samples})
+
+
+def test_torch_dataset_stacks_pairs_of_several_sizes(tmp_path):
+    write_set(tmp_path / "mixed", (64, 136), (72, 128), (80, 160), (300, 600))
+    printed = ran("torch_dataset.py", tmp_path / "mixed").splitlines()
+    assert printed[0].endswith("[4, 3, 64, 128]") and printed[4].endswith("[4, 64, 128]")
+    assert printed[5] == "mean disparity 5.0 px"
+
+
+def test_pack_set_says_that_there_are_no_test_pairs(tmp_path):
+    write_set(tmp_path / "train-only", (64, 128))
+    (tmp_path / "train-only" / "recipe.json").write_text("{}")
+    packed = done("pack_set.py", tmp_path / "train-only", tmp_path / "packed")
+    assert packed.returncode == 1
+    assert packed.stderr.startswith(f"{tmp_path / 'train-only'} has no finished test pairs; endosdk simulate")
+    assert packed.stderr.count("\n") == 1
+    assert not (tmp_path / "packed").exists()
 
 
 def test_video_to_cloud(folder):
