@@ -33,7 +33,7 @@ from endosdk.runtime.models import shipped_models
 from endosdk.runtime.result import Cause, DepthResult
 from endosdk.runtime.result_files import RESULT, write_maps, write_record
 
-FORMAT_VERSION = 3  # a batch begun by an older one lacks files that a pair now has
+FORMAT_VERSION = 4  # a pair of an older batch lacks files, or has a disparity.png that means something else
 RECORD = "batch.json"
 PAIRS = "pairs"  # folder of the pairs' folders
 LARGEST_RESULT = 1 << 20  # bytes
