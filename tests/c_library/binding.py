@@ -129,6 +129,7 @@ class Geometry(Structure):
         ("cx", c_double),
         ("cy", c_double),
         ("doffs", c_double),
+        ("focal_y_px", c_double),
     ]
 
 

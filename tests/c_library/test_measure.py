@@ -138,6 +138,22 @@ def test_a_result_that_no_call_would_write_is_not_read(library, measured):
     refused(b"result.reserved2: must be 0; got -1", reserved2=-1)
 
 
+def test_a_rig_whose_pixels_are_not_square_has_all_but_q(library):
+    matrix = np.array([[800.0, 0, 479.5], [0, 400.0, 179.5], [0, 0, 1]])
+    cameras = {f"{side}_matrix": matrix for side in ("left", "right")}
+    cameras |= {f"{side}_distortion": np.zeros(5) for side in ("left", "right")}
+    rig = StereoCalibration(width=960, height=360, rotation=np.eye(3), translation=np.array([-5.0, 0, 0]), **cameras)
+    estimator = c.CEstimator(library, TINY_MODEL, rig)
+    geometry = estimator.geometry()
+    estimator.close()
+    assert (geometry.focal_px, geometry.focal_y_px) == pytest.approx((800, 400))
+    numbers, rectification = c.Calibration.of(rig), made(Rectification)
+    assert library.endo_get_rectification(byref(numbers), c_double(0), byref(rectification)) == 0
+    assert np.isnan(rectification.q).all()
+    assert tuple(rectification.region) == valid_region(rig)
+    assert list(rectification.P1) == pytest.approx(rig.rectification().P1.ravel())
+
+
 @pytest.mark.parametrize("alpha", [0.0, 1.0])
 def test_pixels_both_ways_q_and_region(library, alpha):
     rig = raw_rig()

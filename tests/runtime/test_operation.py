@@ -140,6 +140,11 @@ def test_a_rig_of_absurd_size_gets_a_line_that_has_an_end(caplog):
 def test_the_largest_disparity_is_that_of_the_frame():
     estimator = DepthEstimator(TINY_MODEL, network_size=(120, 60))
     assert estimator.largest_disparity(480, 240) == pytest.approx(4 * 30.5)
+    # The network sees the right view of such a rig moved.
+    rig = StereoCalibration.rectified(200.0, 5.0, (480, 240), doffs=20.0)
+    moved = DepthEstimator(TINY_MODEL, network_size=(120, 60), calibration=rig)
+    assert moved.largest_disparity(480, 240) == pytest.approx(4 * 30.5 - 20)
+    assert moved.nearest_depth_mm == pytest.approx(1000 / (4 * 30.5))
 
 
 @pytest.mark.parametrize("size", [(0, 96), (2**31 - 1, 2**31 - 1), (2**40, 96), (160.5, 96), ("160", 96)])

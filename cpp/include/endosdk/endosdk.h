@@ -228,6 +228,7 @@ typedef struct endo_geometry {
     double cx;                        /* principal point of the left view */
     double cy;
     double doffs;                     /* right cx minus left cx */
+    double focal_y_px;                /* focal_px, but down the columns; another number where pixels are not square */
 } endo_geometry;
 
 /* Set the rig, or remove it with NULL: frames must then be rectified and there is no depth. Next, endo_prepare. */
@@ -366,12 +367,12 @@ ENDO_API endo_status endo_predict(endo_estimator *estimator, const endo_image *l
                                   endo_result *result);
 
 /* Rectify one pair at its own size, as tight RGB rows: what its maps lie over, with x_right = x_left - disparity. Either
-   output may be NULL. capacity: bytes that each output can hold. */
+   output may be NULL; they must not overlap. capacity: bytes that each output can hold. */
 ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *left, const endo_image *right,
                                   uint8_t *rectified_left, uint8_t *rectified_right, size_t capacity);
 
 /* Copy the latest pair as the network saw it, tight RGB rows at the network's size, which endo_get_diagnostics states; NULL:
-   not wanted. capacity: bytes that each output can hold. The right view of a rectified rig with doffs of more than 0.5 px
+   not wanted. They must not overlap. capacity: bytes that each output can hold. The right view of a rectified rig with doffs of more than 0.5 px
    lies doffs further left here. A frame that was cancelled or failed half-way has overwritten the pair: there is none then. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
@@ -486,7 +487,7 @@ typedef struct endo_rectification {
     double right_rotation[9];
     double left_projection[12];
     double right_projection[12];
-    double q[16];
+    double q[16];                     /* NaN where pixels are not square, which Q takes for granted */
 } endo_rectification;
 
 /* Rectify a rig's geometry. With alpha 0, as in endo_predict, only pixels that both views have are kept; with 1 all of them. */

@@ -231,7 +231,11 @@ class Stream {
 
 // How many there are, of so many numbers each.
 inline size_t whole(const std::vector<double>& numbers, size_t each) {
-  if (numbers.size() % each != 0) throw Error(ENDO_INVALID_ARGUMENT, "the last pixel or point lacks a number [INVALID_ARGUMENT]");
+  if (numbers.size() % each != 0) {
+    const std::string rule = each == 2 ? "pixels: must be two numbers each" : "points: must be three numbers each";
+    const std::string seen = rule + "; got " + std::to_string(numbers.size()) + " numbers [INVALID_ARGUMENT]";
+    throw Error(ENDO_INVALID_ARGUMENT, seen.c_str());
+  }
   return numbers.size() / each;
 }
 

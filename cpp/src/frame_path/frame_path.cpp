@@ -19,8 +19,14 @@ FramePathSettings checked(FramePathSettings settings) {
   return settings;
 }
 
-void check_capacity(size_t capacity, Size size) {
+// Both outputs hold the view, and neither lies in the other; null is none.
+void check_outputs(const uint8_t* left, const uint8_t* right, size_t capacity, Size size) {
   require(capacity >= rgb_bytes(size), "capacity", Text("must be at least ", rgb_bytes(size), " bytes"), capacity);
+  const auto memory = [&](const char* name, const uint8_t* view) {
+    const auto begin = reinterpret_cast<uintptr_t>(view);
+    return Memory{name, begin, view != nullptr ? begin + rgb_bytes(size) : 0};
+  };
+  require_apart(memory("the right output", right), memory("the left output", left));
 }
 
 }  // namespace
@@ -81,6 +87,11 @@ Size FramePath::network_size(Size frame) const {
 }
 
 double FramePath::largest_disparity(Size frame) const {
+  // Where the network sees the right view moved, it finds so much less.
+  return network_reach(frame) - RectifyStage::right_shift_of(calibration().get());
+}
+
+double FramePath::network_reach(Size frame) const {
   check_frame_size(frame, "size");
   return endosdk::largest_disparity(model(), frame, network_size(frame));
 }
@@ -94,7 +105,7 @@ double FramePath::nearest_depth_mm() const { return nearest_depth_mm(calibration
 
 double FramePath::nearest_depth_mm(const Rig* rig) const {
   if (rig == nullptr) return std::numeric_limits<double>::quiet_NaN();
-  return endosdk::nearest_depth_mm(*rig, largest_disparity(rig->size()));
+  return endosdk::nearest_depth_mm(*rig, network_reach(rig->size()));
 }
 
 const std::shared_ptr<Slot>& FramePath::prepared(Size frame, const Work& work) {
@@ -263,7 +274,7 @@ void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, si
   check_open();
   check_pair(pair);
   const Size size = pair.size();
-  check_capacity(capacity, size);
+  check_outputs(left, right, capacity, size);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   if (!full_ || full_->stage().frame() != size) {
     const Work work(cancelling_);
@@ -283,7 +294,7 @@ Size FramePath::rectified_size() {
 
 void FramePath::rectified(uint8_t* left, uint8_t* right, size_t capacity) {
   const Size size = rectified_size();
-  check_capacity(capacity, size);
+  check_outputs(left, right, capacity, size);
   const std::lock_guard lock(calls_);
   const std::lock_guard state(state_);
   const bool still = latest_ != nullptr && latest_->stage().picture() == size;

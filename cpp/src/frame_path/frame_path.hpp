@@ -77,6 +77,9 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
  private:
   friend class Stream;
 
+  // Largest disparity that the network finds in frames of this size, px of the views as it sees them.
+  double network_reach(Size frame) const;
+
   // The size at which the network sees such frames, and pictures where there is no frame.
   Size network_size(Size frame) const;
   Size usual_size() const;

@@ -77,9 +77,11 @@ Point PixelMap::to_rectified(Side side, Point raw) const {
 Vec3 PixelMap::to_raw_left(const Vec3& point) const { return multiply(transpose(geometry_.views.left_rotation), point); }
 
 std::array<double, 16> PixelMap::q() const {
-  const double focal_y = geometry_.views.left_projection[5];
-  require(std::abs(geometry_.focal_px() - focal_y) <= 1e-6 * geometry_.focal_px(), "geometry",
-          "must have square pixels, which Q takes for granted; use the points of the result", Text(geometry_.focal_px(), ", ", focal_y));
+  if (std::abs(geometry_.focal_px() - geometry_.focal_y_px()) > 1e-6 * geometry_.focal_px()) {
+    std::array<double, 16> none;
+    none.fill(std::numeric_limits<double>::quiet_NaN());
+    return none;
+  }
   const double b = geometry_.baseline_mm();
   return {1.0, 0.0, 0.0,     -geometry_.cx(), 0.0, 1.0, 0.0,     -geometry_.cy(),
           0.0, 0.0, 0.0,     geometry_.focal_px(), 0.0, 0.0, 1.0 / b, geometry_.doffs() / b};

@@ -48,7 +48,7 @@ endosdk::MeasuredMaps maps_of(const endosdk::Rig& rig, const endo_result* result
 
 std::vector<endosdk::Point> pixels_of(const double* pixels, size_t count) {
   constexpr size_t most = 10000;  // what a path takes grows with the square: two seconds
-  require_pointer(pixels, "pixels");
+  if (count > 0) require_pointer(pixels, "pixels");
   require(count <= most, "count", endosdk::Text("must be at most ", most), count);
   std::vector<endosdk::Point> points(count);
   for (size_t i = 0; i < count; ++i) points[i] = {pixels[2 * i], pixels[2 * i + 1]};
@@ -85,8 +85,8 @@ endo_status turn_pixels(const endo_calibration* calibration, double alpha, int32
     const endosdk::Rig rig = rig_of(calibration);
     check_alpha(alpha);
     require(right == 0 || right == 1, "right", "must be 0 or 1", right);
-    require_pointer(pixels, "pixels");
-    require_pointer(out, "output");
+    if (count > 0) require_pointer(pixels, "pixels");
+    if (count > 0) require_pointer(out, "output");
     const endosdk::PixelMap map(rig, alpha);
     const endosdk::Side side = right == 1 ? endosdk::Side::right : endosdk::Side::left;
     for (size_t i = 0; i < count; ++i) {
@@ -174,8 +174,8 @@ endo_status endo_rectified_to_raw(const endo_calibration* calibration, double al
 endo_status endo_to_raw_left(const endo_calibration* calibration, const double* points, size_t count, double* raw) {
   return guarded([&] {
     const endosdk::Rig rig = rig_of(calibration);
-    require_pointer(points, "points");
-    require_pointer(raw, "output");
+    if (count > 0) require_pointer(points, "points");
+    if (count > 0) require_pointer(raw, "output");
     const endosdk::PixelMap map(rig, 0.0);
     for (size_t i = 0; i < count; ++i) {
       const endosdk::Vec3 turned = map.to_raw_left({points[3 * i], points[3 * i + 1], points[3 * i + 2]});

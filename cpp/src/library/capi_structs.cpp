@@ -21,7 +21,7 @@ constexpr size_t first_calibration = 392;
 constexpr size_t first_geometry = 48;
 constexpr size_t first_image = 32;
 constexpr size_t first_result = 120;
-static_assert(sizeof(endo_calibration) >= first_calibration && sizeof(endo_geometry) == first_geometry &&
+static_assert(sizeof(endo_calibration) >= first_calibration && sizeof(endo_geometry) >= first_geometry &&
               sizeof(endo_image) == first_image && sizeof(endo_result) >= first_result);
 
 ImageView view_of(const endo_image& image, const char* argument) {
@@ -83,6 +83,7 @@ void write_geometry(const Rig& rig, endo_geometry& geometry) {
   known.cx = g.cx();
   known.cy = g.cy();
   known.doffs = g.doffs();
+  known.focal_y_px = g.focal_y_px();
   write_struct(known, size, &geometry);
 }
 

@@ -26,11 +26,6 @@ uint64_t common_bytes(const Memory& map, const Memory& other) {
   return end > begin ? end - begin : 0;
 }
 
-void require_apart(const Memory& map, const Memory& other) {
-  const uint64_t common = common_bytes(map, other);
-  require(common == 0, map.name, Text("must not lie in the memory of ", other.name), Text(common, " bytes that both have"));
-}
-
 template <typename Field>
 Memory memory_of_map(const MapsOut& maps, const Field& field, uint64_t pixels) {
   const auto begin = reinterpret_cast<uintptr_t>(maps.*field.memory);
@@ -44,6 +39,11 @@ uintptr_t askew(const MapsOut& maps, const Field& field) {
 }
 
 }  // namespace
+
+void require_apart(const Memory& map, const Memory& other) {
+  const uint64_t common = common_bytes(map, other);
+  require(common == 0, map.name, Text("must not lie in the memory of ", other.name), Text(common, " bytes that both have"));
+}
 
 std::array<Memory, std::tuple_size_v<decltype(map_fields)>> memory_of(const MapsOut& maps, uint64_t pixels) {
   return std::apply([&](const auto&... field) { return std::array{memory_of_map(maps, field, pixels)...}; }, map_fields);

@@ -72,6 +72,9 @@ void check_apart(const MapsOut& maps, uint64_t pixels, const Memory& other);
 // Refuses maps that lie in each other, or askew, in memory: nothing may be written to such.
 void check_memory(const MapsOut& maps, uint64_t pixels);
 
+// Refuses a map that lies in the memory of another one.
+void require_apart(const Memory& map, const Memory& other);
+
 // Leaves out what check_apart or check_memory refuses: a failure is written to the other maps alone.
 void drop_maps_in(MapsOut& maps, uint64_t pixels, const Memory& other);
 void drop_refused_maps(MapsOut& maps, uint64_t pixels);

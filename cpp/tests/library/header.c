@@ -120,7 +120,8 @@ PLACE(endo_geometry, baseline_mm, 16);
 PLACE(endo_geometry, cx, 24);
 PLACE(endo_geometry, cy, 32);
 PLACE(endo_geometry, doffs, 40);
-_Static_assert(sizeof(endo_geometry) == 48, "endo_geometry");
+PLACE(endo_geometry, focal_y_px, 48);
+_Static_assert(sizeof(endo_geometry) == 56, "endo_geometry");
 
 PLACE(endo_image, struct_size, 0);
 PLACE(endo_image, format, 4);

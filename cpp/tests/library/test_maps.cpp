@@ -194,6 +194,10 @@ void a_rectified_pair_comes_back_as_it_is(const Places& at) {
   std::vector<uint8_t> right(3 * pixels);
   CHECK(endo_rectify(estimator.get(), &l, &r, left.data(), right.data(), left.size()) == ENDO_OK);
   CHECK(left == pair.left && right == pair.right);
+  std::vector<uint8_t> both(3 * pixels + 1);
+  CHECK(endo_rectify(estimator.get(), &l, &r, both.data(), both.data() + 1, left.size()) == ENDO_INVALID_ARGUMENT);
+  CHECK(std::string(endo_last_error()).find("the right output: must not lie in the memory of the left output; got ") == 0);
+  CHECK(endo_rectify(estimator.get(), &l, &r, nullptr, both.data(), left.size()) == ENDO_OK);
   Output out(pixels);
   CHECK(estimator.predict(pair, out) == ENDO_OK && std::fabs(middle(out.disparity) - 9.0f) < 0.5f);
   CHECK(endo_get_rectified(estimator.get(), left.data(), right.data(), left.size()) == ENDO_OK);

@@ -181,6 +181,17 @@ void the_wrapper_throws_and_frees(const Places& at) {
   CHECK(endo::path_length(rig, maps.result, {70, 40, 90, 40}).value > 0.0);
   CHECK(endo::area_inside(rig, maps.result, {70, 40, 90, 40, 90, 56}).flat > 0.0);
   CHECK(endo::rectification(rig).q[14] > 0.0);
+  const auto message = [](const auto& call) {
+    try {
+      call();
+    } catch (const endo::Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  CHECK(message([&] { endo::path_length(rig, maps.result, {}); }).find("pixels: must be two or more; got 0") == 0);
+  CHECK(message([&] { endo::path_length(rig, maps.result, {1, 2, 3}); }) == "pixels: must be two numbers each; got 3 numbers [INVALID_ARGUMENT]");
+  CHECK(endo::raw_to_rectified(rig, true, {}).empty() && endo::to_raw_left(rig, {}).empty());
   const std::vector<double> raw = endo::rectified_to_raw(rig, true, {80, 48});
   CHECK(std::fabs(endo::raw_to_rectified(rig, true, raw)[0] - 80.0) < 1e-3);
   CHECK(std::fabs(endo::to_raw_left(rig, {0, 0, 100})[2] - 100.0) < 1.0);
