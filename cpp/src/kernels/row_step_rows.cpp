@@ -36,7 +36,8 @@ void solve(const float (&s)[row_step_sums][chunk], const RowWindows& windows, in
     const float along = s[7][i] - s[1][i] * s[3][i] * share;
     const float across = s[8][i] - s[2][i] * s[3][i] * share;
     const float determinant = xx * yy - xy * xy;
-    const float found = (xx * across - xy * along) / determinant;
+    const float divisor = determinant > 0.0f ? determinant : 1.0f;  // without gradients; it has no information then
+    const float found = (xx * across - xy * along) / divisor;
     const float information = determinant / xx;
     const int usable = (s[0][i] == cells) & (information > least) & (found > -longest) & (found < longest);
     step[i] = usable ? found : 0.0f;
