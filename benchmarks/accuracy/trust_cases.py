@@ -212,7 +212,7 @@ def _bent(px: float) -> Callable[[Picture, np.random.Generator], Picture]:
 
 
 def _torn_region(view: Picture, rng: np.random.Generator) -> Picture:
-    """A part of the frame, a seventh of it, is of another moment: the camera stood 5 px aside and 5 px higher."""
+    """A part of the frame, a sixth of it, is of another moment: the camera stood 5 px aside and 5 px higher."""
     view, (height, width) = view.copy(), view.shape[:2]
     top, left = rng.integers(0, height * 6 // 10), rng.integers(0, width * 6 // 10)
     part = np.s_[top : top + height * 4 // 10, left : left + width * 4 // 10]

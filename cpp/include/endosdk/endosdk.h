@@ -372,8 +372,9 @@ ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *l
                                   uint8_t *rectified_left, uint8_t *rectified_right, size_t capacity);
 
 /* Copy the latest pair as the network saw it, tight RGB rows at the network's size, which endo_get_diagnostics states; NULL:
-   not wanted. They must not overlap. capacity: bytes that each output can hold. The right view of a rectified rig with doffs of more than 0.5 px
-   lies doffs further left here. A frame that was cancelled or failed half-way has overwritten the pair: there is none then. */
+   not wanted. The outputs must not overlap. capacity: bytes that each can hold. The right view of a rectified rig with doffs
+   of more than 0.5 px lies doffs further left here. A frame that was cancelled or failed half-way has overwritten the pair:
+   there is none then. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
 /* Make the calls that are running, and the frames in flight, end with ENDO_CANCELLED soon. From any thread. */

@@ -46,9 +46,14 @@ endosdk::MeasuredMaps maps_of(const endosdk::Rig& rig, const endo_result* result
   return {size, known.depth, known.sigma, known.reasons, g.focal_px(), g.views.left_projection[5], g.cx(), g.cy()};
 }
 
+// Memory of so many pixels or points; no memory is needed for none.
+void require_values(const double* values, size_t count, const char* argument) {
+  if (count > 0) require_pointer(values, argument);
+}
+
 std::vector<endosdk::Point> pixels_of(const double* pixels, size_t count) {
   constexpr size_t most = 10000;  // what a path takes grows with the square: two seconds
-  if (count > 0) require_pointer(pixels, "pixels");
+  require_values(pixels, count, "pixels");
   require(count <= most, "count", endosdk::Text("must be at most ", most), count);
   std::vector<endosdk::Point> points(count);
   for (size_t i = 0; i < count; ++i) points[i] = {pixels[2 * i], pixels[2 * i + 1]};
@@ -85,8 +90,8 @@ endo_status turn_pixels(const endo_calibration* calibration, double alpha, int32
     const endosdk::Rig rig = rig_of(calibration);
     check_alpha(alpha);
     require(right == 0 || right == 1, "right", "must be 0 or 1", right);
-    if (count > 0) require_pointer(pixels, "pixels");
-    if (count > 0) require_pointer(out, "output");
+    require_values(pixels, count, "pixels");
+    require_values(out, count, "output");
     const endosdk::PixelMap map(rig, alpha);
     const endosdk::Side side = right == 1 ? endosdk::Side::right : endosdk::Side::left;
     for (size_t i = 0; i < count; ++i) {
@@ -174,8 +179,8 @@ endo_status endo_rectified_to_raw(const endo_calibration* calibration, double al
 endo_status endo_to_raw_left(const endo_calibration* calibration, const double* points, size_t count, double* raw) {
   return guarded([&] {
     const endosdk::Rig rig = rig_of(calibration);
-    if (count > 0) require_pointer(points, "points");
-    if (count > 0) require_pointer(raw, "output");
+    require_values(points, count, "points");
+    require_values(raw, count, "output");
     const endosdk::PixelMap map(rig, 0.0);
     for (size_t i = 0; i < count; ++i) {
       const endosdk::Vec3 turned = map.to_raw_left({points[3 * i], points[3 * i + 1], points[3 * i + 2]});

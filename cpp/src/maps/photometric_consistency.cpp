@@ -31,7 +31,7 @@ void PhotometricConsistency::judge(const FloatView& confidence, double reach, co
   cell_of_column_.resize(width);
   scratch_.resize(3 * width * static_cast<size_t>(workers));
   const bool compared = views != nullptr && views->size().width > 0;  // 0: the views are too small
-  if (compared && misfit != nullptr) kept_.prepare(misfit->parts().width, misfit->parts().height, size_.width, parts_of(*views, grid));
+  if (compared) kept_.prepare(misfit->parts().width, misfit->parts().height, size_.width, parts_of(*views, grid));
   if (compared && (views->textured_share() < least_texture || views->most_correlation() < least_correlation)) {
     std::fill(seen_.begin(), seen_.end(), 0.0f);
     std::fill(own_.begin(), own_.end(), 0.0f);
@@ -39,7 +39,7 @@ void PhotometricConsistency::judge(const FloatView& confidence, double reach, co
   }
   for (int x = 0; compared && x < size_.width; ++x) cell_of_column_[static_cast<size_t>(x)] = views->cell_of(x, grid.x, views->size().width);
   std::fill(scratch_.begin(), scratch_.end(), 1.0f);
-  const FloatView kept = compared && misfit != nullptr ? misfit->kept() : FloatView{};
+  const FloatView kept = compared ? misfit->kept() : FloatView{};
   const auto write_rows = [&](int begin, int end, int worker) {
     float* const support = scratch_.data() + 3 * width * static_cast<size_t>(worker);
     float* const odds = support + width;

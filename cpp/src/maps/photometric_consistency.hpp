@@ -31,7 +31,8 @@ constexpr double confidence_parts = 480.0;
 class PhotometricConsistency {
  public:
   // Judges the network's confidence by the views, if they are given. `grid` is in cells of the confidence per pixel of the
-  // views. `reach` is the unit of the confidence that users see, in network pixels. `misfit` says where there is no confidence.
+  // views. `reach` is the unit of the confidence that users see, in network pixels. `misfit`, given with the views, says where
+  // there is no confidence.
   void judge(const FloatView& confidence, double reach, const MatchedViews* views, Scale grid, const RowMisfit* misfit);
 
   // Both maps are valid until the next call, and 0 everywhere if the views do not belong together. `seen` is the confidence for

@@ -93,9 +93,6 @@ using Milliseconds = std::chrono::duration<double, std::milli>;
 bool has_left(const PostprocessInput& in) { return in.left.data != nullptr; }
 bool has_right(const PostprocessInput& in) { return in.right.data != nullptr; }
 
-// With a focal length of less than a pixel, a rig says nothing about rows.
-bool measures_rows(const PostprocessInput& in) { return has_right(in) && in.pattern.focal_x >= 1.0; }
-
 // Cells of the disparity per pixel of the views.
 Scale cells_of(const PostprocessInput& in) { return {in.scale.y / in.view_scale.y, in.scale.x / in.view_scale.x}; }
 
@@ -108,12 +105,10 @@ void judge_views(const PostprocessInput& in, PostprocessScratch& scratch) {
     scratch.measures.measure(scratch.views, picture_of(in).width);
     scratch.search.take(scratch.views);
     scratch.rivals = share_of_rivals(scratch.search, scratch.views);
-    if (measures_rows(in)) {
-      scratch.rows.measure(scratch.views, in.confidence, cells_of(in), {1.0 / in.view_scale.y, 1.0 / in.view_scale.x}, in.pattern);
-    }
+    scratch.rows.measure(scratch.views, in.confidence, cells_of(in), {1.0 / in.view_scale.y, 1.0 / in.view_scale.x}, in.pattern);
   }
   scratch.consistency.judge(in.confidence, in.reach, has_right(in) ? &scratch.views : nullptr, has_right(in) ? cells_of(in) : Scale{},
-                            measures_rows(in) ? &scratch.rows.misfit() : nullptr);
+                            has_right(in) ? &scratch.rows.misfit() : nullptr);
 }
 
 // A disparity map, and its pixels per output pixel.

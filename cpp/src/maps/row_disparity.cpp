@@ -30,6 +30,8 @@ constexpr float longest_step = 2.0f;
 // Columns of brightness, of 480 or so: a part of the picture fits the rig if its matches lie nearer to their rows.
 constexpr float least_misfit = 0.4f;
 
+constexpr double least_focal = 1.0;  // px; with a shorter one, or none, a rig says nothing about rows
+
 bool near_enough(const PoseVector& before, const PoseVector& after) {
   double most = 0.0;
   for (size_t i = 0; i < 3; ++i) most = std::max(most, std::abs(after[i] - before[i]));
@@ -58,7 +60,7 @@ const PoseError& RowDisparity::measure(const MatchedViews& views, const FloatVie
   rest_.reserve(static_cast<size_t>(bands_ * along_ + fit_lanes));
   misfit_.prepare(bands_, along_);
   error_ = {};
-  if (bands_ == 0 || along_ == 0) return error_;
+  if (bands_ == 0 || along_ == 0 || pattern.focal_x < least_focal) return error_;
   const double noise = std::max(views.left_noise(), views.right_noise());
   flat_ = least_information + row_window_cells * static_cast<float>(noise * noise / (8.0 * views.unit() * views.unit()));
   find_wanted(confidence, grid);
