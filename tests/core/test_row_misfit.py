@@ -22,7 +22,7 @@ def test_equals_twin(bands: int, along: int, seed: int) -> None:
     rest = rng.normal(0, 0.5, (bands, along)).astype(np.float32)
     for _ in range(seed):
         y, x = rng.integers(bands), rng.integers(along)
-        rest[y : y + 8, x : x + 30] += np.float32(rng.choice([-3.0, 1.5, 3.0]))
+        rest[y : y + 8, x : x + 30] += np.float32(rng.choice([-3.0, 1.0, 1.5, 3.0]))
     rest[rng.random(rest.shape) < 0.2 * seed] = np.nan
     share, kept = _core.row_misfit(rest, 0.8)
     if bands < 3 or along < 12:
@@ -41,6 +41,24 @@ def test_a_few_measurements_or_wrong_matches_are_no_misfit() -> None:
     assert _core.row_misfit(rest, 0.8) == (0.0, None)
     strays = np.random.default_rng(0).normal(1.0, 3.0, (30, 119)).astype(np.float32)
     assert _core.row_misfit(strays, 0.8)[0] < LIMIT
+
+
+def test_a_part_alone_counts_half() -> None:
+    rest = np.zeros((30, 120), np.float32)
+    rest[3:6, 12:24] = rest[21:24, 84:96] = 2.0
+    alone = _core.row_misfit(rest, 0.8)[0]
+    rest[3:6, 24:36] = rest[24:27, 96:108] = 2.0
+    assert alone == pytest.approx(0.01) and _core.row_misfit(rest, 0.8)[0] == pytest.approx(4 * alone)
+
+
+def test_parts_that_are_off_their_rows_by_little_keep_their_depth() -> None:
+    rest = np.zeros((30, 120), np.float32)
+    rest[:, 60:] = 1.0
+    share, kept = _core.row_misfit(rest, 0.8)
+    assert share == pytest.approx(0.5) and kept is not None and kept.all()
+    rest[3:6, 84:96] = 1.3
+    kept = _core.row_misfit(rest, 0.8)[1]
+    assert kept is not None and set(np.argwhere(kept == 0)[:, 0]) == {0, 1, 2} and (kept == 0).sum() == 9
 
 
 def answer(number: int, name: str) -> tuple[DepthResult, DepthResult]:

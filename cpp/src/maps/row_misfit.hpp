@@ -10,7 +10,7 @@
 namespace endosdk {
 
 // Share of the parts from which a frame is called distorted. Clean pairs, rendered and real, reach 0.033.
-constexpr double distorted_share = 0.05;
+constexpr double distorted_share = 0.04;
 
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.
 class RowMisfit {
@@ -27,20 +27,24 @@ class RowMisfit {
 
   Size parts() const { return {across_, down_}; }
 
-  // Share of the parts that do not fit; NaN before the first find().
+  // Share of the parts that do not fit, where a part without such a neighbour counts half; NaN before the first find().
   double share() const { return share_; }
 
-  // One value for each part: 0 for those that do not fit and for their neighbours, else 1. Empty if the frame is not distorted.
+  // One value for each part: 0 for those that fit worst and for their neighbours, else 1. Empty if the frame is not distorted.
   FloatView kept() const;
 
  private:
-  bool misfits(const std::vector<float>& rest, int row, int column, float least);
+  // How far the matches of a part lie off their rows; 0 where too few were measured or they do not agree.
+  float misfit_of(const std::vector<float>& rest, int row, int column);
+
+  // Number of parts that fit worse than `least`: this one and its neighbours.
+  int parts_around(int row, int column, float least) const;
 
   int along_ = 0;
   int across_ = 0;  // parts
   int down_ = 0;
   double share_ = 0.0;
-  std::vector<char> found_;
+  std::vector<float> found_;  // the misfit of each part
   std::vector<float> kept_;
   std::vector<float> values_;  // of one part
 };
