@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+CLEARLY = 4.0  # times the limit of texture: texture that both views must show
+
 
 def brightness(view: np.ndarray, height: int, width: int) -> tuple[np.ndarray, int]:
     """Brightness of the part of a planar view that is no padding, and pixels per column: a row for each two columns."""
@@ -134,7 +136,7 @@ def view_measures(left: np.ndarray, right: np.ndarray, height: int, width: int) 
 
 
 def _tiles(cells: np.ndarray, inside: np.ndarray, limit: float) -> np.ndarray:
-    """Of tiles of 8 x 8 cells: 2 with texture, 1 flat, 0 not in the field of view."""
+    """Of tiles of 8 x 8 cells: 3 with texture, 2 with faint texture, 1 flat, 0 not in the field of view."""
     rows, columns = cells.shape[0] // 8, cells.shape[1] // 8
     kinds = np.zeros((rows, columns), int)
     y, x = np.indices((8, 8)) - 3.5
@@ -144,15 +146,16 @@ def _tiles(cells: np.ndarray, inside: np.ndarray, limit: float) -> np.ndarray:
         if inside[block][::7, ::7].all():
             values = cells[block].ravel()
             rest = values - plane @ np.linalg.lstsq(plane, values, rcond=None)[0]
-            kinds[row, column] = 2 if (rest**2).mean() > limit else 1
+            varies = (rest**2).mean()
+            kinds[row, column] = 3 if varies > CLEARLY * limit else 2 if varies > limit else 1
     return kinds
 
 
 def _covered(here: np.ndarray, there: np.ndarray) -> float:
     """Share of the tiles with texture there that are flat here, and have none with texture beside them."""
-    counted = (there == 2) & (here != 0)
+    counted = (there == 3) & (here != 0)
     wide = np.pad(here, ((0, 0), (1, 1)))
-    missing = counted & (here == 1) & (wide[:, :-2] != 2) & (wide[:, 2:] != 2)
+    missing = counted & (here == 1) & (wide[:, :-2] < 2) & (wide[:, 2:] < 2)
     return missing.sum() / counted.sum() if counted.sum() >= 12 else np.nan
 
 

@@ -15,13 +15,19 @@ constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 constexpr int tile = tile_cells;
 constexpr float blown_out = 245.0f;    // grey level from which a cell is overexposed
 constexpr double flattest = 0.4;       // grey levels squared about a fitted plane; up to it there is no texture
+constexpr float clearly = 4.0f;        // times as much is texture that a view of half the contrast would show, too
 constexpr int least_tiles = 12;        // tiles with texture that are needed to call a view covered
 constexpr int rows_apart = 4;          // distance of the rows that tell sharpness
 constexpr int edge_cells = 4;          // left out along the edge of a field of view, which is sharp whatever the focus
 constexpr int most_passes = 24;        // passes of the mask 1 2 1, each a Gaussian of variance 1/2
 constexpr int far = 4;                 // columns to each side
 
-enum Texture : uint8_t { outside = 0, flat = 1, rough = 2 };
+enum Texture : uint8_t { outside = 0, flat = 1, faint = 2, rough = 3 };
+
+Texture texture_of(float roughness, float limit) {
+  if (roughness > clearly * limit) return rough;
+  return roughness > limit ? faint : flat;
+}
 
 // Autocovariance of white noise at this distance, as a share of its variance, after `passes` of the mask 1 2 1 along the row.
 double left_of_noise(int passes, int distance) {
@@ -100,20 +106,20 @@ void ViewMeasures::find_tiles(const MatchedViews& views, int view) {
       const bool seen = views.sees(view, left, top) && views.sees(view, right, top) && views.sees(view, left, bottom) &&
                         views.sees(view, right, bottom);
       uint8_t& texture = textures[static_cast<size_t>(y * tiles_.width + x)];
-      texture = outside;
-      if (seen) texture = roughness[static_cast<size_t>(x)] > limit ? rough : flat;
+      texture = seen ? texture_of(roughness[static_cast<size_t>(x)], limit) : outside;
     }
   }
 }
 
 double ViewMeasures::textured_of(int view) const {
   const std::vector<uint8_t>& tiles = textures_[view];
-  const auto with = std::count(tiles.begin(), tiles.end(), uint8_t{rough});
   const auto without = std::count(tiles.begin(), tiles.end(), uint8_t{flat});
+  const auto with = static_cast<ptrdiff_t>(tiles.size()) - without - std::count(tiles.begin(), tiles.end(), uint8_t{outside});
   return with + without >= least_tiles ? static_cast<double>(with) / static_cast<double>(with + without) : unknown;
 }
 
-// A surface of one view lies further left or right in the other view, so the neighbouring tiles must be flat as well.
+// A surface of one view lies further left or right in the other view, so the neighbouring tiles must be flat as well. Faint
+// texture is no sign: noise alone takes it over the limit in one view and not in the other.
 double ViewMeasures::covered_of(int flat_view) const {
   const std::vector<uint8_t>& here = textures_[flat_view];
   const std::vector<uint8_t>& there = textures_[1 - flat_view];
@@ -124,8 +130,8 @@ double ViewMeasures::covered_of(int flat_view) const {
       const size_t at = static_cast<size_t>(y * tiles_.width + x);
       if (there[at] != rough || here[at] == outside) continue;
       ++count;
-      const bool before = x == 0 || here[at - 1] != rough;
-      const bool after = x + 1 == tiles_.width || here[at + 1] != rough;
+      const bool before = x == 0 || here[at - 1] < faint;
+      const bool after = x + 1 == tiles_.width || here[at + 1] < faint;
       missing += here[at] == flat && before && after ? 1 : 0;
     }
   }
