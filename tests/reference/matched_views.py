@@ -11,6 +11,8 @@ from tests.reference.view_measures import brightness, cell_levels, deep_inside, 
 LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
 LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
 
+GLARING = 225.0  # grey level from which a cell does not count
+
 
 def correlation_of_views(
     disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
@@ -54,6 +56,7 @@ def correlation_of_views(
     row = np.arange(rows)[:, None]
     falling = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
     matched = there[row, column] * (1 - part) + there[row, column + 1] * part
+    inside &= (here[:, ::2] <= GLARING) & (matched <= GLARING)
     flat = 0.3 + max(left_noise, right_noise)
     for row, cell in np.ndindex(rows, cells):
         window = slice(max(0, row - 5), row + 6), slice(max(0, cell - 5), cell + 6)

@@ -28,6 +28,10 @@ constexpr float even_odds = 4.7f;
 constexpr float odds_per_column = 2.8f;
 constexpr float least_odds = 0.55f;
 
+// Grey level from which a cell shows glare or its edge. Glare moves with the camera, so it lies on another place of the tissue in
+// the other view.
+constexpr float glaring = 225.0f;
+
 constexpr float least_variance = 0.3f;  // grey levels squared, beyond the noise; less tells nothing
 constexpr float least_weight = 0.25f * static_cast<float>(correlation_weights);  // of the cells with a match in a window
 
@@ -85,7 +89,7 @@ void multiply(const float* a, const float* b, int count, float* __restrict out) 
   for (int i = 0; i < count; ++i) out[i] = a[i] * b[i];
 }
 
-// Reads the left view, and the right view at the match. Cells without a match give 0.
+// Reads the left view, and the right view at the match. Cells without a match, or with glare, give 0.
 void read_matches(const MatchRow& row, float* __restrict counts, float* __restrict left, float* __restrict right) {
   const int columns = row.columns;
   const float end = static_cast<float>(columns - 1);
@@ -97,9 +101,10 @@ void read_matches(const MatchRow& row, float* __restrict counts, float* __restri
     column = column < columns - 2 ? column : columns - 2;
     const float share = position - static_cast<float>(column);
     const float there = row.right[column] + share * (row.right[column + 1] - row.right[column]);
-    const float one = inside ? 1.0f : 0.0f;
+    const float here = row.left[2 * i];
+    const float one = inside & (here <= glaring) & (there <= glaring) ? 1.0f : 0.0f;
     counts[i] = one;
-    left[i] = one * row.left[2 * i];
+    left[i] = one * here;
     right[i] = one * there;
   }
 }
