@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import onnxruntime
 import pytest
 
 import endosdk
@@ -14,7 +15,7 @@ from endosdk import Cause, Reason, Status, _core
 from endosdk.measure import rectified_to_raw
 from tests.conftest import TINY_MODEL, shifted_pair
 from tests.core_rigs import every_isa
-from tests.reference import resampling, view_measures
+from tests.reference import matched_views, resampling, view_measures
 from tests.rigs import raw_rig
 
 SIZE = (180, 240)
@@ -132,11 +133,15 @@ def test_measures_equal_their_twins(estimator):
     left, right = shifted_pair(*SIZE, 9)
     left[:60, :80], right[100:] = 250, cv2.GaussianBlur(right[100:], (0, 0), 1.5)
     right[20:60, 100:200] = 60
+    network = onnxruntime.InferenceSession(TINY_MODEL)
     round_ones = circled(left, 120, 90, 85, 9, 1)[0], circled(right, 124, 93, 80, 4, 2)[0]
     for pair in ((left, right), (noisy(left, 5, 1), noisy(right // 2, 3, 2)), round_ones):
         result = estimator.predict(*pair)
         views = [resampling.planar(view, "rgb", *view.shape[:2]) for view in estimator.rectified_pair()]
-        wanted = view_measures.view_measures(*views, *views[0].shape[1:])
+        fields = [view_measures.seen_cells(view, *view.shape[1:]) for view in views]
+        disparity = network.run(None, {"left": views[0][None], "right": views[1][None]})[0][0, 0]
+        found = matched_views.placed(disparity, fields, views[0].shape[1:], 1)
+        wanted = view_measures.view_measures(*views, *views[0].shape[1:], found)
         seen = {
             "level": Cause.DIM,
             "saturated": Cause.SATURATED,

@@ -14,6 +14,27 @@ LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
 GLARING = 225.0  # grey level from which a cell does not count
 
 
+def placed(disparity: np.ndarray, fields: list[np.ndarray], size: tuple[int, int], unit: int) -> np.ndarray:
+    """Disparity of each cell, columns; NaN where the cell or its match is not well inside its field of view.
+
+    ``size`` is that of the views with their padding, px.
+    """
+    height, width = size
+    rows, cells = fields[0].shape
+    grid = disparity.shape
+    y = np.minimum(((2 * np.arange(rows) + 1) * unit * grid[0] / height).astype(int), grid[0] - 1)
+    x = np.minimum(((2 * np.arange(cells) + 1) * unit * grid[1] / width).astype(int), grid[1] - 1)
+    found = disparity[y][:, x] / np.float32(unit)
+    deep = [deep_inside(field, 1) for field in fields]
+    found[~deep[0]] = np.nan
+    if not fields[1].all():
+        place = np.arange(cells) - found / 2
+        first = np.where(deep[1].any(axis=1), deep[1].argmax(axis=1), cells)
+        last = cells - 1 - deep[1][:, ::-1].argmax(axis=1)
+        found[~((place >= first[:, None]) & (place <= last[:, None]))] = np.nan
+    return found
+
+
 def correlation_of_views(
     disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -37,17 +58,7 @@ def correlation_of_views(
     left_noise, right_noise = (
         noise(view, field, unit) ** 2 * factor for view, field in zip(views, fields, strict=True)
     )
-    grid = disparity.shape
-    y = np.minimum(((2 * np.arange(rows) + 1) * unit * grid[0] / left.shape[1]).astype(int), grid[0] - 1)
-    x = np.minimum(((2 * np.arange(cells) + 1) * unit * grid[1] / left.shape[2]).astype(int), grid[1] - 1)
-    found = disparity[y][:, x] / np.float32(unit)
-    deep = [deep_inside(field, 1) for field in fields]
-    found[~deep[0]] = np.nan
-    if not fields[1].all():
-        place = np.arange(cells) - found / 2
-        first = np.where(deep[1].any(axis=1), deep[1].argmax(axis=1), cells)
-        last = cells - 1 - deep[1][:, ::-1].argmax(axis=1)
-        found[~((place >= first[:, None]) & (place <= last[:, None]))] = np.nan
+    found = placed(disparity, fields, left.shape[1:], unit)
     correlation, share, odds = np.full((rows, cells), np.nan), np.ones((rows, cells)), np.ones((rows, cells))
     match = 2 * np.arange(cells, dtype=np.float32) - found
     inside = (match >= 0) & (match <= here.shape[1] - 1)

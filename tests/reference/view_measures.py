@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-CLEARLY = 4.0  # times the limit of texture: texture that both views must show
-
 
 def brightness(view: np.ndarray, height: int, width: int) -> tuple[np.ndarray, int]:
     """Brightness of the part of a planar view that is no padding, and pixels per column: a row for each two columns."""
@@ -117,8 +115,11 @@ def deep_inside(inside: np.ndarray, cells: int) -> np.ndarray:
     return deep
 
 
-def view_measures(left: np.ndarray, right: np.ndarray, height: int, width: int) -> dict[str, float]:
-    """What two planar views tell by themselves: level, saturated, covered, blur; see view_measures.hpp."""
+def view_measures(left: np.ndarray, right: np.ndarray, height: int, width: int, found: np.ndarray) -> dict[str, float]:
+    """What two planar views tell: level, saturated, covered, blur; see view_measures.hpp.
+
+    ``found`` is the disparity of each cell, columns; NaN where cells are not compared.
+    """
     planes = [brightness(view, height, width) for view in (left, right)]
     unit = planes[0][1]
     columns = [plane for plane, _ in planes]
@@ -126,17 +127,16 @@ def view_measures(left: np.ndarray, right: np.ndarray, height: int, width: int) 
     inside = [seen_cells(view, height, width) for view in (left, right)]
     noises = [noise(view, i, unit) ** 2 * 6 / 16 / (2 * unit**2) for view, i in zip((left, right), inside, strict=True)]
     tiles = [_tiles(cell, mask, 0.4 + 3 * n * 10 / 32) for cell, mask, n in zip(cells, inside, noises, strict=True)]
-    covered = [share for share in (_covered(*tiles), _covered(*tiles[::-1])) if np.isfinite(share)]
     return {
         "level": min(cell[mask].mean() for cell, mask in zip(cells, inside, strict=True)),
         "saturated": max((cell[mask] >= 245).mean() for cell, mask in zip(cells, inside, strict=True)),
-        "covered": max(covered, default=np.nan),
+        "covered": _covered(tiles, found),
         "blur": _blur(columns, inside, noises) * unit * 1000 / width,
     }
 
 
 def _tiles(cells: np.ndarray, inside: np.ndarray, limit: float) -> np.ndarray:
-    """Of tiles of 8 x 8 cells: 3 with texture, 2 with faint texture, 1 flat, 0 not in the field of view."""
+    """Of tiles of 8 x 8 cells: 2 with texture, 1 flat, 0 not in the field of view."""
     rows, columns = cells.shape[0] // 8, cells.shape[1] // 8
     kinds = np.zeros((rows, columns), int)
     y, x = np.indices((8, 8)) - 3.5
@@ -146,17 +146,26 @@ def _tiles(cells: np.ndarray, inside: np.ndarray, limit: float) -> np.ndarray:
         if inside[block][::7, ::7].all():
             values = cells[block].ravel()
             rest = values - plane @ np.linalg.lstsq(plane, values, rcond=None)[0]
-            varies = (rest**2).mean()
-            kinds[row, column] = 3 if varies > CLEARLY * limit else 2 if varies > limit else 1
+            kinds[row, column] = 2 if (rest**2).mean() > limit else 1
     return kinds
 
 
-def _covered(here: np.ndarray, there: np.ndarray) -> float:
-    """Share of the tiles with texture there that are flat here, and have none with texture beside them."""
-    counted = (there == 3) & (here != 0)
-    wide = np.pad(here, ((0, 0), (1, 1)))
-    missing = counted & (here == 1) & (wide[:, :-2] < 2) & (wide[:, 2:] < 2)
-    return missing.sum() / counted.sum() if counted.sum() >= 12 else np.nan
+def _covered(tiles: list[np.ndarray], found: np.ndarray) -> float:
+    """Share of the tiles with texture of one view whose match is flat, as are the tiles beside it; the larger share."""
+    counts, missing = [0, 0], [0, 0]
+    for row, column in np.ndindex(tiles[0].shape):
+        match = 8 * column + 4 - found[8 * row + 4, 8 * column + 4] / 2
+        if not 0 <= match < 8 * tiles[0].shape[1]:
+            continue
+        places = column, int(match) // 8
+        for view, (here, there) in enumerate((tiles, tiles[::-1])):
+            own, other = places[view], places[1 - view]
+            if here[row, own] == 2 and there[row, other] != 0:
+                counts[view] += 1
+                beside = there[row, max(0, other - 1) : other + 2]
+                missing[view] += there[row, other] == 1 and (beside != 2).all()
+    shares = [lost / count for lost, count in zip(missing, counts, strict=True) if count >= 12]
+    return max(shares, default=np.nan)
 
 
 def _blur(columns: list[np.ndarray], inside: list[np.ndarray], noises: list[float]) -> float:

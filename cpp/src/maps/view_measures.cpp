@@ -15,19 +15,13 @@ constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 constexpr int tile = tile_cells;
 constexpr float blown_out = 245.0f;    // grey level from which a cell is overexposed
 constexpr double flattest = 0.4;       // grey levels squared about a fitted plane; up to it there is no texture
-constexpr float clearly = 4.0f;        // times as much is texture that a view of half the contrast would show, too
 constexpr int least_tiles = 12;        // tiles with texture that are needed to call a view covered
 constexpr int rows_apart = 4;          // distance of the rows that tell sharpness
 constexpr int edge_cells = 4;          // left out along the edge of a field of view, which is sharp whatever the focus
 constexpr int most_passes = 24;        // passes of the mask 1 2 1, each a Gaussian of variance 1/2
 constexpr int far = 4;                 // columns to each side
 
-enum Texture : uint8_t { outside = 0, flat = 1, faint = 2, rough = 3 };
-
-Texture texture_of(float roughness, float limit) {
-  if (roughness > clearly * limit) return rough;
-  return roughness > limit ? faint : flat;
-}
+enum Texture : uint8_t { outside = 0, flat = 1, rough = 2 };
 
 // Autocovariance of white noise at this distance, as a share of its variance, after `passes` of the mask 1 2 1 along the row.
 double left_of_noise(int passes, int distance) {
@@ -71,7 +65,7 @@ void ViewMeasures::measure(const MatchedViews& views, int picture_width) {
   });
   level_ = std::min(levels_[0], levels_[1]);
   saturated_ = std::max(shares_[0], shares_[1]);
-  covered_ = std::fmax(covered_of(0), covered_of(1));
+  covered_ = find_covered(views);
   textured_ = std::fmax(textured_of(0), textured_of(1));
   blur_ = find_blur(views, picture_width);
 }
@@ -106,36 +100,51 @@ void ViewMeasures::find_tiles(const MatchedViews& views, int view) {
       const bool seen = views.sees(view, left, top) && views.sees(view, right, top) && views.sees(view, left, bottom) &&
                         views.sees(view, right, bottom);
       uint8_t& texture = textures[static_cast<size_t>(y * tiles_.width + x)];
-      texture = seen ? texture_of(roughness[static_cast<size_t>(x)], limit) : outside;
+      texture = outside;
+      if (seen) texture = roughness[static_cast<size_t>(x)] > limit ? rough : flat;
     }
   }
 }
 
 double ViewMeasures::textured_of(int view) const {
   const std::vector<uint8_t>& tiles = textures_[view];
+  const auto with = std::count(tiles.begin(), tiles.end(), uint8_t{rough});
   const auto without = std::count(tiles.begin(), tiles.end(), uint8_t{flat});
-  const auto with = static_cast<ptrdiff_t>(tiles.size()) - without - std::count(tiles.begin(), tiles.end(), uint8_t{outside});
   return with + without >= least_tiles ? static_cast<double>(with) / static_cast<double>(with + without) : unknown;
 }
 
-// A surface of one view lies further left or right in the other view, so the neighbouring tiles must be flat as well. Faint
-// texture is no sign: noise alone takes it over the limit in one view and not in the other.
-double ViewMeasures::covered_of(int flat_view) const {
-  const std::vector<uint8_t>& here = textures_[flat_view];
-  const std::vector<uint8_t>& there = textures_[1 - flat_view];
-  int count = 0;
-  int missing = 0;
+bool ViewMeasures::flat_around(int view, int x, int y) const {
+  const uint8_t* const row = textures_[view].data() + static_cast<ptrdiff_t>(y) * tiles_.width;
+  return row[x] == flat && (x == 0 || row[x - 1] != rough) && (x + 1 == tiles_.width || row[x + 1] != rough);
+}
+
+// Compares each tile of the left view with the tile of its match. Matches lie a part of a tile off, and the network knows little
+// about a covered lens, so the tiles beside count as well.
+double ViewMeasures::find_covered(const MatchedViews& views) const {
+  int counts[2] = {};
+  int missing[2] = {};
   for (int y = 0; y < tiles_.height; ++y) {
+    const float* const disparity = views.disparity(y * tile + tile / 2);
     for (int x = 0; x < tiles_.width; ++x) {
-      const size_t at = static_cast<size_t>(y * tiles_.width + x);
-      if (there[at] != rough || here[at] == outside) continue;
-      ++count;
-      const bool before = x == 0 || here[at - 1] < faint;
-      const bool after = x + 1 == tiles_.width || here[at + 1] < faint;
-      missing += here[at] == flat && before && after ? 1 : 0;
+      const int cell = x * tile + tile / 2;
+      const float match = static_cast<float>(cell) - 0.5f * disparity[cell];
+      if (!(match >= 0.0f && match < static_cast<float>(tiles_.width * tile))) continue;  // false for NaN
+      const int places[2] = {x, static_cast<int>(match) / tile};
+      for (int view = 0; view < 2; ++view) {
+        const int other = 1 - view;
+        const ptrdiff_t row = static_cast<ptrdiff_t>(y) * tiles_.width;
+        if (textures_[view][static_cast<size_t>(row + places[view])] != rough) continue;
+        if (textures_[other][static_cast<size_t>(row + places[other])] == outside) continue;
+        ++counts[view];
+        missing[view] += flat_around(other, places[other], y) ? 1 : 0;
+      }
     }
   }
-  return count >= least_tiles ? static_cast<double>(missing) / count : unknown;
+  double most = unknown;
+  for (int view = 0; view < 2; ++view) {
+    if (counts[view] >= least_tiles) most = std::fmax(most, static_cast<double>(missing[view]) / counts[view]);
+  }
+  return most;
 }
 
 void ViewMeasures::read_rows(const MatchedViews& views, int view) {

@@ -21,7 +21,7 @@ class ViewMeasures {
   // Share of the cells in the field of view that are overexposed, for the view with more of them.
   double saturated() const { return saturated_; }
 
-  // Share of the tiles with texture in one view that are flat in the other view, for the view with more of them. NaN where
+  // Share of the tiles with texture in one view whose match in the other view is flat, for the view with more of them. NaN where
   // there are too few tiles with texture.
   double covered() const { return covered_; }
 
@@ -42,7 +42,8 @@ class ViewMeasures {
 
   void find_light(const MatchedViews& views, int view);
   void find_tiles(const MatchedViews& views, int view);
-  double covered_of(int flat_view) const;
+  bool flat_around(int view, int x, int y) const;  // a tile and those beside it
+  double find_covered(const MatchedViews& views) const;
   double textured_of(int view) const;
   void read_rows(const MatchedViews& views, int view);
   void blur_rows(const MatchedViews& views, int view);
