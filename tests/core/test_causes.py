@@ -152,6 +152,19 @@ def test_measures_equal_their_twins(estimator):
             assert result.measures[cause] == pytest.approx(wanted[name], rel=1e-3, abs=1e-3), name
 
 
+def test_a_near_surface_with_little_texture_is_not_covered():
+    rng = np.random.default_rng(0)
+    surface = np.full((720, 1120, 3), 90.0)
+    for y, x in rng.integers(0, (680, 1080), (45, 2)):
+        surface[y : y + 40, x : x + 40] += rng.normal(0, 25, (40, 40, 1))
+    surface = np.clip(cv2.GaussianBlur(surface, (0, 0), 1.0), 0, 255).astype(np.uint8)
+    with endosdk.DepthEstimator("fast") as network:
+        result = network.predict(surface[:, :960], surface[:, 160:])  # spots lie five tiles away in the right view
+        covered = network.predict(surface[:, :960], noisy(np.full((720, 960, 3), 90), 1, 1))
+    assert Cause.COVERED not in result.causes and result.measures[Cause.COVERED] < 0.2
+    assert Cause.COVERED in covered.causes
+
+
 @every_isa
 def test_every_set_of_kernels_measures_the_same(isa, estimator, restored_settings):
     left, right = shifted_pair(*SIZE, 9)
