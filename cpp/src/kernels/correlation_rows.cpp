@@ -102,7 +102,8 @@ void read_matches(const MatchRow& row, float* __restrict counts, float* __restri
     const float share = position - static_cast<float>(column);
     const float there = row.right[column] + share * (row.right[column + 1] - row.right[column]);
     const float here = row.left[2 * i];
-    const float one = inside & (here <= glaring) & (there <= glaring) ? 1.0f : 0.0f;
+    const int counted = inside & (here <= glaring) & (there <= glaring);
+    const float one = counted ? 1.0f : 0.0f;
     counts[i] = one;
     left[i] = one * here;
     right[i] = one * there;
