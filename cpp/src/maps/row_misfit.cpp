@@ -35,7 +35,7 @@ void RowMisfit::prepare(int bands, int along) {
   values_.reserve(static_cast<size_t>(part_bands * part_along));
 }
 
-float RowMisfit::misfit_of(const std::vector<float>& rest, int row, int column) {
+float RowMisfit::misfit_of(const std::vector<float>& rest, int row, int column, float least) {
   values_.clear();
   for (int band = row * part_bands; band < (row + 1) * part_bands; ++band) {
     const float* const from = rest.data() + static_cast<ptrdiff_t>(band) * along_ + column * part_along;
@@ -43,6 +43,7 @@ float RowMisfit::misfit_of(const std::vector<float>& rest, int row, int column) 
   }
   if (values_.size() < least_measured) return 0.0f;
   const float middle = median(values_);
+  if (!(std::abs(middle) > least)) return 0.0f;
   for (float& value : values_) value = std::abs(value - middle);
   return median(values_) < most_scatter * std::abs(middle) ? std::abs(middle) : 0.0f;
 }
@@ -61,7 +62,7 @@ void RowMisfit::find(const std::vector<float>& rest, float least) {
   if (found_.empty()) return;
   for (int row = 0; row < down_; ++row) {
     for (int column = 0; column < across_; ++column) {
-      found_[static_cast<size_t>(row * across_ + column)] = misfit_of(rest, row, column);
+      found_[static_cast<size_t>(row * across_ + column)] = misfit_of(rest, row, column, least);
     }
   }
   double count = 0.0;

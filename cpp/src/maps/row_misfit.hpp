@@ -34,8 +34,8 @@ class RowMisfit {
   FloatView kept() const;
 
  private:
-  // How far the matches of a part lie off their rows; 0 where too few were measured or they do not agree.
-  float misfit_of(const std::vector<float>& rest, int row, int column);
+  // How far the matches of a part lie off their rows; 0 up to `least`, and where too few were measured or they do not agree.
+  float misfit_of(const std::vector<float>& rest, int row, int column, float least);
 
   // Number of parts that fit worse than `least`: this one and its neighbours.
   int parts_around(int row, int column, float least) const;
