@@ -9,7 +9,8 @@
 
 namespace endosdk {
 
-// Share of the parts from which a frame is called distorted. Clean pairs, rendered and real, reach 0.033.
+// Share of the parts from which a frame is called distorted. Clean pairs, rendered and real, reach 0.033; of a hundred pairs of
+// surgery with noise, little light and the like, one reaches 0.056 (`fast-320`).
 constexpr double distorted_share = 0.04;
 
 // Keeps its memory between frames: nothing is allocated as long as sizes do not grow.

@@ -125,6 +125,7 @@ double ViewMeasures::find_covered(const MatchedViews& views) const {
   int missing[2] = {};
   for (int y = 0; y < tiles_.height; ++y) {
     const float* const disparity = views.disparity(y * tile + tile / 2);
+    const int row = y * tiles_.width;
     for (int x = 0; x < tiles_.width; ++x) {
       const int cell = x * tile + tile / 2;
       const float match = static_cast<float>(cell) - 0.5f * disparity[cell];
@@ -132,7 +133,6 @@ double ViewMeasures::find_covered(const MatchedViews& views) const {
       const int places[2] = {x, static_cast<int>(match) / tile};
       for (int view = 0; view < 2; ++view) {
         const int other = 1 - view;
-        const ptrdiff_t row = static_cast<ptrdiff_t>(y) * tiles_.width;
         if (textures_[view][static_cast<size_t>(row + places[view])] != rough) continue;
         if (textures_[other][static_cast<size_t>(row + places[other])] == outside) continue;
         ++counts[view];
