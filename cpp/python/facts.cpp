@@ -9,6 +9,7 @@
 #include "geometry/pose_error.hpp"
 #include "geometry/rig_file.hpp"
 #include "geometry/rig_rules.hpp"
+#include "images/size.hpp"
 #include "maps/maps.hpp"
 #include "maps/postprocess.hpp"
 #include "maps/reasons.hpp"
@@ -40,6 +41,7 @@ void bind_numbers(py::module_& m) {
   m.attr("rig_file_format") = rig_file_format;
   m.attr("rig_file_version") = rig_file_version;
   m.attr("plausible_baseline_mm") = py::make_tuple(plausible_baseline_mm[0], plausible_baseline_mm[1]);
+  m.attr("longest_side") = longest_side;
   m.attr("certain_standard_errors") = certain_errors;
   m.attr("max_threads") = max_threads;
   m.attr("range_margin") = range_margin;

@@ -143,6 +143,7 @@ confidence_parts: float
 default_min_confidence: float
 
 # Answers this close to an end of the network's range, px of the network, count as out of range.
+longest_side: int
 certain_standard_errors: float
 max_threads: int
 range_margin: float

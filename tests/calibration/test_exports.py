@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -38,9 +39,17 @@ def assert_same(seen: StereoCalibration, rig: StereoCalibration) -> None:
 def test_what_is_written_reads_back(tmp_path: Path, ending: str, rig: StereoCalibration) -> None:
     written = rig.save(tmp_path / f"rig.{ending}.yaml")
     assert all(path.is_file() for path in written)
-    layout = "opencv-fisheye" if ending == "opencv" and rig.model == "fisheye" else None
-    read = StereoCalibration.load(written[0] if len(written) == 1 else tuple(written), layout=layout)
+    read = StereoCalibration.load(written[0] if len(written) == 1 else tuple(written))
     assert_same(read, rig)
+
+
+@pytest.mark.parametrize("ending", ["opencv", "kalibr", "ros"])
+def test_a_rectified_rig_whose_pixels_are_not_square_is_written(tmp_path: Path, ending: str) -> None:
+    square = StereoCalibration.rectified(focal_px=500, baseline_mm=4, size=(640, 480))
+    matrix = square.left_matrix * [[1.0], [0.9], [1.0]]
+    rig = replace(square, left_matrix=matrix, right_matrix=matrix)
+    written = rig.save(tmp_path / f"rig.{ending}.yaml")
+    assert_same(StereoCalibration.load(written[0] if len(written) == 1 else tuple(written)), rig)
 
 
 def test_ros_has_two_files_and_metres(tmp_path: Path) -> None:

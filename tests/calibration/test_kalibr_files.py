@@ -51,7 +51,7 @@ def test_kalibr_camchain(tmp_path: Path, distortion: str, model: str) -> None:
     ("old", "new", "error", "word"),
     [
         ("camera_model: pinhole", "camera_model: omni", CalibrationUnreadable, "must be pinhole"),
-        ("distortion_model: radtan", "distortion_model: fov", CalibrationUnreadable, "must be one of radtan"),
+        ("distortion_model: radtan", "distortion_model: fov", CalibrationUnreadable, "must be one of pinhole"),
         ("cam1:", "cam2:", CalibrationUnreadable, "cam0 and cam1"),
         ("T_cn_cnm1", "T_cam_imu", CalibrationUnreadable, "T_cn_cnm1"),
         ("[519.25, 520.0, 322.125, 236.75]", "[519.25, 520.0]", CalibrationUnreadable, "intrinsics"),

@@ -134,12 +134,27 @@ def test_plain_yaml_and_json_lists_under_the_same_names(tmp_path: Path) -> None:
     assert_same_rig(load(tmp_path / "lists.yaml"), RIG)
 
 
-def test_opencv_fisheye_is_the_callers_word(tmp_path: Path) -> None:
+def fisheye_file(path: Path, **more: Any) -> Path:
     rig = fisheye_rig()
-    changes = {"D1": rig.left_distortion.reshape(4, 1), "D2": rig.right_distortion.reshape(4, 1)}
-    path = write_opencv(tmp_path / "fish.yml", opencv_fields(**changes))
+    coefficients = {"D1": rig.left_distortion.reshape(4, 1), "D2": rig.right_distortion.reshape(4, 1)}
+    return write_opencv(path, opencv_fields(**coefficients, **more))
+
+
+def test_opencv_fisheye_is_the_callers_word(tmp_path: Path) -> None:
+    path = fisheye_file(tmp_path / "fish.yml")
     assert load(path).model == "pinhole"
-    assert_same_rig(load(path, layout="opencv-fisheye"), rig)
+    assert_same_rig(load(path, layout="opencv-fisheye"), fisheye_rig())
+
+
+@pytest.mark.parametrize("ending", ["yml", "xml"])
+def test_a_file_may_state_its_lens_model(tmp_path: Path, ending: str) -> None:
+    path = fisheye_file(tmp_path / f"fish.{ending}", distortion_model="fisheye")
+    assert_same_rig(load(path), fisheye_rig())
+
+
+def test_an_unknown_lens_model_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationUnreadable, match=r"distortion_model: must be one of pinhole, "):
+        load(fisheye_file(tmp_path / "fish.yml", distortion_model="omni"))
 
 
 def test_size_is_asked_for_when_the_file_has_none(tmp_path: Path) -> None:

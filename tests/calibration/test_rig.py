@@ -64,7 +64,7 @@ def test_impossible_numbers_are_refused_by_name(name: str, value: Any, rule: str
 
 
 @pytest.mark.parametrize(
-    "change", [{"width": 0}, {"height": -480}, {"width": 640.5}, {"height": True}, {"width": "640"}]
+    "change", [{"width": 0}, {"height": -480}, {"width": 640.5}, {"height": True}, {"width": "640"}, {"width": 2**33}]
 )
 def test_impossible_sizes_are_refused(change: dict[str, Any]) -> None:
     with pytest.raises(InvalidArgument, match="whole numbers"):
@@ -257,7 +257,7 @@ def test_rectification_equals_opencv(alpha: float) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("alpha", [1.5, -0.5, float("nan"), "0", None])
+@pytest.mark.parametrize("alpha", [1.5, -0.5, 10**400, float("nan"), "0", None])
 def test_alpha_outside_its_range_is_refused(alpha: Any) -> None:
     with pytest.raises(InvalidArgument, match="alpha"):
         raw_rig().rectification(alpha=alpha)
@@ -356,5 +356,5 @@ def test_windows_outside_the_picture_are_refused(window: Any) -> None:
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 480)])
 def test_a_picture_too_small_to_rectify_is_a_typed_error(size):
-    with pytest.raises(InvalidArgument, match="at least 2"):
+    with pytest.raises(InvalidArgument, match="2 to 32767"):
         raw_rig().scaled(*size)

@@ -75,7 +75,7 @@ def test_ros_left_file_alone_or_right_first_is_refused(tmp_path: Path) -> None:
         ({"image_height": -480}, CalibrationUnreadable, "positive"),
         ({"image_height": ".inf"}, CalibrationUnreadable, "two numbers"),
         ({"distortion_model": "equidistant"}, CalibrationUnreadable, "must be pinhole"),
-        ({"distortion_model": "omni"}, CalibrationUnreadable, "must be one of plumb_bob"),
+        ({"distortion_model": "omni"}, CalibrationUnreadable, "must be one of pinhole"),
     ],
 )
 def test_ros_files_that_do_not_go_together(

@@ -12,6 +12,11 @@ from endosdk.errors import InvalidArgument
 Matrix = npt.NDArray[np.float64]
 
 
+def has_square_pixels(geometry: RectifiedGeometry) -> bool:
+    """Whether both focal lengths are one, as Q takes for granted."""
+    return abs(geometry.focal_px - geometry.focal_y_px) <= 1e-6 * geometry.focal_px
+
+
 def q_matrix(geometry: RectifiedGeometry | StereoCalibration) -> Matrix:
     """Return OpenCV's Q [4,4]: ``Q @ (x, y, disparity, 1)`` is the point, homogeneous, mm.
 
@@ -20,7 +25,7 @@ def q_matrix(geometry: RectifiedGeometry | StereoCalibration) -> Matrix:
     """
     if isinstance(geometry, StereoCalibration):
         geometry = geometry.rectification()
-    if abs(geometry.focal_px - geometry.focal_y_px) > 1e-6 * geometry.focal_px:
+    if not has_square_pixels(geometry):
         rule = "must have square pixels, which Q takes for granted; use DepthResult.points"
         raise InvalidArgument("geometry", rule, (geometry.focal_px, geometry.focal_y_px))
     q = np.zeros((4, 4))

@@ -224,7 +224,8 @@ class StereoCalibration:
 
         A name that ends in ``.opencv.yaml``, ``.ros.yaml`` or ``.kalibr.yaml`` asks for the layout of that program; ROS
         has two files. None of them holds a field of view: the log ``endosdk`` warns where one is stated. Returns the
-        files written. Raises `StorageFailed`, and InvalidArgument for another ending.
+        files written. Raises `StorageFailed`, and InvalidArgument for another ending, or for Kalibr's with more than
+        four coefficients of distortion.
         """
         from endosdk.calibration.files import exports, native
 

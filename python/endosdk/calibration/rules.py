@@ -17,12 +17,17 @@ Ellipse = tuple[float, float, float, float]  # middle x, y and half axes along x
 CameraModel = Literal["pinhole", "fisheye"]
 
 
+def _plain(value: Any) -> float:
+    """Return a real number as float, NaN for what is none."""
+    try:
+        return math.nan if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:  # a whole number of more digits than a float has room for
+        return math.inf
+
+
 def number(name: str, value: Any) -> float:
     """Return a finite real number as float."""
-    try:
-        plain = math.nan if isinstance(value, bool) or not isinstance(value, Real) else float(value)
-    except OverflowError:  # a whole number of more digits than a float has room for
-        plain = math.inf
+    plain = _plain(value)
     if not math.isfinite(plain):
         raise InvalidCalibration(name, "must be a finite number", repr(value))
     return plain
@@ -44,14 +49,18 @@ def finite_array(name: str, value: Any, shape: tuple[int, ...] | None = None) ->
 
 
 def check_size(name: str, value: Any) -> tuple[int, int]:
-    """Return a picture size (width, height) as two ints, at least 2: the rectifier interpolates between pixels."""
+    """Return a picture size (width, height) as two ints.
+
+    The least side is 2, because the rectifier interpolates between pixels. The longest is that of frames.
+    """
     try:
         width, height = value
     except (TypeError, ValueError) as error:
         raise InvalidArgument(name, "must be (width, height)", repr(value)) from error
     for side in (width, height):
-        if isinstance(side, bool) or not isinstance(side, Integral) or side < 2:
-            raise InvalidArgument(name, "must be two whole numbers, at least 2 (width, height)", repr(value))
+        if isinstance(side, bool) or not isinstance(side, Integral) or not 2 <= int(side) <= _core.longest_side:
+            rule = f"must be two whole numbers, 2 to {_core.longest_side} (width, height)"
+            raise InvalidArgument(name, rule, repr(value))
     return int(width), int(height)
 
 
@@ -67,7 +76,7 @@ def check_crop(window: tuple[int, int, int, int], size: tuple[int, int]) -> tupl
 
 def check_alpha(value: Any) -> float:
     """Return OpenCV's free scaling parameter: 0..1, or -1."""
-    alpha = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    alpha = _plain(value)
     if not (alpha == -1 or 0 <= alpha <= 1):
         raise InvalidArgument("alpha", "must be in 0..1, or -1", repr(value))
     return alpha

@@ -13,7 +13,7 @@ from endosdk.io.bounded_read import is_there
 
 Reader = Callable[[tuple[Path, ...]], RawCalibration]
 
-# "opencv" files do not say whether their four coefficients are Brown-Conrady or fisheye, so the caller may.
+# Most "opencv" files do not say whether their four coefficients are Brown-Conrady or fisheye, so the caller may.
 READERS: dict[str, Reader] = {
     "foundationstereo": foundationstereo.read,
     "kalibr": kalibr.read,

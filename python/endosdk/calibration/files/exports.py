@@ -2,7 +2,7 @@
 
 | name | layout |
 |---|---|
-| ``NAME.opencv.yaml`` | OpenCV's FileStorage: K1 D1 K2 D2 R T, and R1 R2 P1 P2 Q; mm |
+| ``NAME.opencv.yaml`` | OpenCV's FileStorage: K1 D1 K2 D2 R T, distortion_model, R1 R2 P1 P2 (Q of square pixels); mm |
 | ``NAME.ros.yaml`` | ``NAME.left.ros.yaml`` and ``NAME.right.ros.yaml``, a pair of camera_info; metres |
 | ``NAME.kalibr.yaml`` | a camchain; metres |
 """
@@ -82,16 +82,17 @@ WRITERS: dict[str, Writer] = {".opencv.yaml": _write_opencv, ROS_ENDING: _write_
 def _opencv(calibration: StereoCalibration) -> str:
     import cv2
 
-    from endosdk.calibration.q_matrix import q_matrix
+    from endosdk.calibration.q_matrix import has_square_pixels, q_matrix
 
     c, g = calibration, calibration.rectification()
     storage = cv2.FileStorage("rig.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", c.width)
     storage.write("image_height", c.height)
+    storage.write("distortion_model", c.model)
     for name, value in {
         **{"K1": c.left_matrix, "D1": _row(c.left_distortion), "K2": c.right_matrix, "D2": _row(c.right_distortion)},
         **{"R": c.rotation, "T": c.translation.reshape(3, 1), "R1": g.R1, "R2": g.R2, "P1": g.P1, "P2": g.P2},
-        "Q": q_matrix(g),
+        **({"Q": q_matrix(g)} if has_square_pixels(g) else {}),
     }.items():
         storage.write(name, np.ascontiguousarray(value))
     text = storage.releaseAndGetString()

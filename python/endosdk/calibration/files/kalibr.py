@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.files.stated import RawCalibration, matrix, picture_size, required, yaml_mapping
+from endosdk.calibration.files.stated import RawCalibration, lens_model, matrix, picture_size, required, yaml_mapping
 from endosdk.calibration.rules import CameraModel
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
 
 Matrix = npt.NDArray[np.float64]
-
-MODEL_OF: dict[str, CameraModel] = {"radtan": "pinhole", "none": "pinhole", "equidistant": "fisheye", "equi": "fisheye"}
 
 
 def looks_like(keys: Iterable[str]) -> bool:
@@ -70,11 +68,7 @@ def _model(path: Path, camera: Mapping[str, Any]) -> CameraModel:
     projection = camera.get("camera_model", "pinhole")
     if projection != "pinhole":
         raise CalibrationUnreadable(f"{path.name}: camera_model", "must be pinhole", projection)
-    distortion = str(required(path, camera, "distortion_model"))
-    if distortion not in MODEL_OF:
-        rule = f"must be one of {', '.join(MODEL_OF)}"
-        raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, distortion)
-    return MODEL_OF[distortion]
+    return lens_model(path, required(path, camera, "distortion_model"))
 
 
 def _distortion(path: Path, camera: Mapping[str, Any]) -> Matrix:

@@ -1,7 +1,8 @@
 """OpenCV's YAML, XML and JSON, under the spellings that are in use; lengths in mm unless the caller says otherwise.
 
 OpenCV's own sample writes two files, the cameras and the extrinsics; both may be given as a pair. Plain YAML with
-nested lists under the same names is read too.
+nested lists under the same names is read too. OpenCV's own samples do not say whether four coefficients are those of
+a fisheye; a ``distortion_model`` does.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.calibration.files.stated import RawCalibration, matrix, picture_size, read_text, refusal
+from endosdk.calibration.files.stated import RawCalibration, lens_model, matrix, picture_size, read_text, refusal
 from endosdk.errors import CalibrationUnreadable
 from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json, parse_opencv_xml, parse_yaml
@@ -37,6 +38,7 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
         "size": "imagesize imgsize size resolution calibrationimagesize",
         "width": "width imagewidth imgwidth",
         "height": "height imageheight imgheight",
+        "model": "distortionmodel",
     }.items()
 }
 FIELD_OF = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
@@ -79,6 +81,7 @@ def read(paths: tuple[Path, ...]) -> RawCalibration:
         **numbers,
         size=_size(paths[0], found),
         unit="mm",
+        model=lens_model(paths[0], found.get("model", "pinhole")),
         size_may_be_swapped="width" not in found,
     )
 

@@ -15,18 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.files.stated import RawCalibration, matrix, picture_size, required, yaml_mapping
+from endosdk.calibration.files.stated import RawCalibration, lens_model, matrix, picture_size, required, yaml_mapping
 from endosdk.calibration.rules import CameraModel
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
 
 Matrix = npt.NDArray[np.float64]
-
-MODEL_OF: dict[str, CameraModel] = {
-    "plumb_bob": "pinhole",
-    "rational_polynomial": "pinhole",
-    "equidistant": "fisheye",
-    "fisheye": "fisheye",
-}
 
 
 @dataclass(frozen=True)
@@ -91,15 +84,12 @@ def _rectified_translation(left: _Camera, right: _Camera) -> Matrix:
 
 def _camera(path: Path) -> _Camera:
     content = yaml_mapping(path)
-    kind = str(required(path, content, "distortion_model"))
-    if kind not in MODEL_OF:
-        raise CalibrationUnreadable(f"{path.name}: distortion_model", f"must be one of {', '.join(MODEL_OF)}", kind)
     width = required(path, content, "image_width", "width")
     height = required(path, content, "image_height", "height")
     return _Camera(
         path,
         picture_size(path, width, height),
-        MODEL_OF[kind],
+        lens_model(path, required(path, content, "distortion_model")),
         _numbers(path, content, (3, 3), "camera_matrix", "K", "k"),
         _numbers(path, content, (-1,), "distortion_coefficients", "D", "d"),
         _numbers(path, content, (3, 3), "rectification_matrix", "R", "r"),

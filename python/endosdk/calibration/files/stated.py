@@ -18,6 +18,17 @@ from endosdk.io.documents import parse_yaml
 Matrix = npt.NDArray[np.float64]
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+# How programs name the lens model of a camera. Coefficients of the same model have the same order in all of them.
+MODEL_OF: dict[str, CameraModel] = {
+    "pinhole": "pinhole",
+    "plumb_bob": "pinhole",
+    "rational_polynomial": "pinhole",
+    "radtan": "pinhole",
+    "none": "pinhole",
+    "fisheye": "fisheye",
+    "equidistant": "fisheye",
+    "equi": "fisheye",
+}
 # A calibration is a few kB. The limit keeps a mistaken path (a video) from being parsed for minutes.
 MAX_BYTES = 4 * 1024 * 1024
 
@@ -156,6 +167,14 @@ def required(path: Path, content: Mapping[str, Any], *names: str) -> Any:
         if name in content:
             return content[name]
     raise CalibrationUnreadable(path.name, f"must hold {' or '.join(names)}", f"keys {sorted(content)}")
+
+
+def lens_model(path: Path, name: Any) -> CameraModel:
+    """Return the model of a lens whatever program named it."""
+    if str(name) not in MODEL_OF:
+        rule = f"must be one of {', '.join(MODEL_OF)}"
+        raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, name)
+    return MODEL_OF[str(name)]
 
 
 def picture_size(path: Path, width: Any, height: Any) -> tuple[int, int]:
