@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -385,7 +386,52 @@ def test_newest_only_drops_and_counts():
     assert seen == sorted(set(seen))
     assert seen[-1] == 99
     assert len(seen) < 60
-    assert source.dropped == 100 - len(seen) - seen[0]
+    assert source.dropped == 100 - len(seen)
+
+
+class Stalling(Source):
+    """Frames that follow each other at once, but the first reader's third comes when ``go_on`` is set."""
+
+    live = True
+
+    def __init__(self):
+        super().__init__("stalling")
+        self.go_on = threading.Event()
+        self._readers = 0
+
+    def _read(self, start):
+        self._readers += 1
+        first = self._readers == 1
+        for number in range(100):
+            if first and number == 2:
+                self.go_on.wait()
+            yield Frame(*PAIRS[0], number, number)
+            time.sleep(0.002)
+
+
+def test_a_stalled_reading_that_was_left_behind_disturbs_no_later_one(monkeypatch):
+    monkeypatch.setattr("endosdk.live.sources.newest.CLOSING_PATIENCE_S", 0.01)
+    stalling = Stalling()
+    source = Newest(stalling)
+    first = iter(source)
+    next(first)
+    first.close()
+    second = []
+    for frame in source:
+        second.append(frame.number)
+        stalling.go_on.set()  # the thread of the first reading goes on, and ends
+    assert second[-1] == 99
+
+
+def test_a_reader_is_told_what_it_alone_did_not_get():
+    class Gaps(Fast):
+        def _read(self, start):
+            yield from (Frame(*PAIRS[0], number, number) for number in (0, 2, 3, 6) if number >= start)
+
+    source = Gaps(())
+    for start, dropped in ((0, 3), (0, 3), (3, 2), (4, 2)):
+        assert list(source.frames(start))
+        assert source.dropped == dropped
 
 
 def test_an_error_behind_the_queue_is_raised_after_the_last_frame():

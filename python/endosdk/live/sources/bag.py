@@ -28,7 +28,10 @@ def is_bag(path: Path) -> bool:
 
 
 class Bag(Source):
-    """The one topic with ``left`` in its name and the one with ``right``, raw or compressed pictures of 8 bits."""
+    """The one topic with ``left`` in its name and the one with ``right``, raw or compressed pictures of 8 bits.
+
+    Numbers go on over a picture whose partner is lost.
+    """
 
     clock: Clock = "wall"
 
@@ -67,8 +70,9 @@ class Bag(Source):
             waiting: tuple[deque[tuple[int, Picture]], ...] = deque(), deque()
             for topic, at, picture in self._pictures(reader):
                 waiting[self._topics[topic]].append((at, picture))
-                for left, right in self._together(*waiting):
-                    if number >= start:
+                for pair in self._together(*waiting):
+                    if pair is not None and number >= start:
+                        left, right = pair
                         yield Frame(left[1], right[1], number, left[0])
                     number += 1
 
@@ -88,16 +92,16 @@ class Bag(Source):
 
     def _together(
         self, left: deque[tuple[int, Picture]], right: deque[tuple[int, Picture]]
-    ) -> Iterator[tuple[tuple[int, Picture], tuple[int, Picture]]]:
-        """Take the pairs out of what waits; a picture whose partner never comes is reported."""
+    ) -> Iterator[tuple[tuple[int, Picture], tuple[int, Picture]] | None]:
+        """Take the pairs out of what waits, and None for a picture whose partner never comes, which is reported."""
         while left and right:
             apart = left[0][0] - right[0][0]
             if abs(apart) <= MOST_APART_NS:
                 yield left.popleft(), right.popleft()
             else:
                 at, _ = (left if apart < 0 else right).popleft()
-                self.dropped += 1
                 self.note(f"the {'left' if apart < 0 else 'right'} picture of {at} ns has no partner")
+                yield None
         if max(len(left), len(right)) > MOST_WAITING:
             raise SourceFailed("source", "both topics must go on", f"{MOST_WAITING} pictures of one side alone")
 

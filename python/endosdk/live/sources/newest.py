@@ -24,54 +24,63 @@ class Newest(Source):
         self.count = source.count
         self.clock: Clock = source.clock
         self.faults = source.faults
-        self._change = threading.Condition()
-        self._held: Frame | None = None
-        self._over: BaseException | bool = False  # True at the end, or the error that ended the source
 
     def note(self, fault: str) -> None:
         """Keep what went wrong, and warn."""
         self._source.note(fault)
 
     def _read(self, start: int) -> Iterator[Frame]:
-        self._held, self._over = None, False
-        stop = threading.Event()
-        thread = threading.Thread(target=self._fetch, args=(start, stop), name="endosdk-source", daemon=True)
+        latest = _Latest()
+        thread = threading.Thread(target=self._fetch, args=(start, latest), name="endosdk-source", daemon=True)
         start_thread(thread)
-        last: int | None = None
         try:
-            while (frame := self._take()) is not None:
-                if last is not None:  # also what the source itself lost: its numbers go on
-                    self.dropped += frame.number - last - 1
-                last = frame.number
+            while (frame := latest.take()) is not None:
                 yield frame
         finally:
-            stop.set()
+            latest.unread.set()
             thread.join(CLOSING_PATIENCE_S)  # a camera that has stalled is left behind
 
-    def _take(self) -> Frame | None:
+    def _fetch(self, start: int, latest: _Latest) -> None:
+        over: BaseException | bool = True
+        try:
+            for frame in self._source.frames(start):
+                if latest.unread.is_set():
+                    return
+                latest.put(frame)
+        except BaseException as error:  # raised where the frames are drawn
+            over = error
+        finally:
+            latest.end(over)
+
+    def close(self) -> None:
+        """Close the source that is read."""
+        self._source.close()
+
+
+class _Latest:
+    """What one reader and its thread share: a thread that was left behind must not reach the next reader."""
+
+    def __init__(self) -> None:
+        self.unread = threading.Event()  # the reader has gone
+        self._change = threading.Condition()
+        self._held: Frame | None = None
+        self._over: BaseException | bool = False  # True at the end, or the error that ended the source
+
+    def put(self, frame: Frame) -> None:
+        with self._change:
+            self._held = frame
+            self._change.notify()
+
+    def end(self, over: BaseException | bool) -> None:
+        with self._change:
+            self._over = over
+            self._change.notify()
+
+    def take(self) -> Frame | None:
+        """Wait for a frame, or return None at the end. Raises what ended the source."""
         with self._change:
             self._change.wait_for(lambda: self._held is not None or self._over)
             frame, self._held = self._held, None
             if frame is None and isinstance(self._over, BaseException):
                 raise self._over
             return frame
-
-    def _fetch(self, start: int, stop: threading.Event) -> None:
-        over: BaseException | bool = True
-        try:
-            for frame in self._source.frames(start):
-                if stop.is_set():
-                    return
-                with self._change:
-                    self._held = frame
-                    self._change.notify()
-        except BaseException as error:  # raised where the frames are drawn
-            over = error
-        finally:
-            with self._change:
-                self._over = over
-                self._change.notify()
-
-    def close(self) -> None:
-        """Close the source that is read."""
-        self._source.close()

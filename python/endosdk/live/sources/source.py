@@ -66,8 +66,9 @@ class Source(ABC):
 
     ``word`` names it, ``live`` says that it does not wait for its reader, ``once`` that its frames cannot be had again,
     as those of a camera or a pipe, ``clock`` what time stamps count from, ``count`` is how many frames there are, None
-    where nobody knows. ``options`` says how it is read. ``dropped`` counts the frames that the reader never got.
-    ``faults`` holds what went wrong without ending the source, each also a warning of the log ``endosdk``.
+    where nobody knows. ``options`` says how it is read. ``dropped`` counts the frames that the latest reader never got,
+    by the gaps in their numbers. ``faults`` holds what went wrong without ending the source, each also a warning of the
+    log ``endosdk``.
     """
 
     live: bool = False
@@ -98,7 +99,10 @@ class Source(ABC):
         Raises `SourceFailed` in the place of the first frame that cannot be had any more.
         """
         order = _TimeOrder()
+        self.dropped, last = 0, start - 1
         for frame in self._read(start):
+            self.dropped += frame.number - last - 1
+            last = frame.number
             stamp, fault = order.next(frame.stamp_ns)
             if fault is not None:
                 self.note(f"frame {frame.number}: {fault}")

@@ -96,7 +96,6 @@ class TwoVideos(Source):
                 decoder.close()
 
     def _pass_over(self, side: str, alone: Decoded) -> None:
-        self.dropped += 1
         self.note(f"the {side} picture of {alone.stamp_ns} ns has no partner")
 
 
