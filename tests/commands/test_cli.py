@@ -17,6 +17,30 @@ def write(path, picture):
     return str(path)
 
 
+def predicted_against(truth, folder):
+    """Exit status of `predict` for views 12 px apart, against a true disparity; its answer is in the folder."""
+    left, right = shifted_pair(96, 160, 12)
+    pair = [write(folder / f"{name}.png", view) for name, view in (("l", left), ("r", right))]
+    cv2.imwrite(str(folder / "truth.png"), (truth * 256).astype(np.uint16))
+    return main(["predict", *pair, "--model", str(TINY_MODEL), "--truth", str(folder / "truth.png"), "--json"])
+
+
+def test_predict_says_its_error(tmp_path, capsys):
+    truth = np.zeros((96, 160))  # 0: not known
+    truth[20:60, 70:150] = 12
+    truth[60:70, 70:150] = 14
+    assert predicted_against(truth, tmp_path) == 0
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert error["pixels"] == 50 * 80
+    assert error["epe_px"] == pytest.approx(0.2 * 2, abs=0.1)
+    assert error["kpe_1"] == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_truth_that_knows_nothing_is_refused(tmp_path, capsys):
+    assert predicted_against(np.zeros((96, 160)), tmp_path) == 2
+    assert "truth: must hold the disparity of at least one pixel" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_explains_itself(verb, capsys):
     with pytest.raises(SystemExit) as stopped:
@@ -94,7 +118,7 @@ def test_vertical_disparity_is_in_pixels_of_the_frame(tmp_path, capsys):
     pair = [write(tmp_path / "l.png", left), write(tmp_path / "r.png", right)]
     options = ["--model", str(TINY_MODEL), "--frames", "0", "--network-size", "160x120", "--out", str(tmp_path / "o")]
     main(["predict", *pair, *options])  # whether the tiny model is sure enough is not asked here
-    assert "vertical disparity 3.0 px" in capsys.readouterr().out
+    assert "vertical disparity 3.0" in capsys.readouterr().out
 
 
 def test_an_interrupt_is_no_traceback(monkeypatch, capsys):

@@ -105,6 +105,30 @@ def test_what_a_library_writes_appears_whole_or_not_at_all(tmp_path):
     assert (tmp_path / "a.txt").read_text() == "new"
 
 
+def test_of_two_writers_of_one_name_each_writes_its_own(tmp_path):
+    path = tmp_path / "a.txt"
+    with whole_path(path) as first:
+        first.write_text("first, whole")
+        with whole_path(path) as second:
+            second.write_text("second, whole")
+        assert path.read_text() == "second, whole"
+    assert path.read_text() == "first, whole"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_one(tmp_path):
+    code = (
+        "import os, sys; from pathlib import Path; from endosdk.io.whole_files import whole_path\n"
+        "with whole_path(Path(sys.argv[1])) as partial: partial.write_text('half'); os._exit(9)"
+    )
+    path = tmp_path / "a.txt"
+    assert subprocess.run([sys.executable, "-c", code, str(path)], check=False).returncode == 9
+    assert len(list(tmp_path.iterdir())) == 1
+    with whole_path(path) as partial:
+        partial.write_text("whole")
+    assert list(tmp_path.iterdir()) == [path]
+
+
 @pytest.mark.parametrize("kind", ["pipe", "link to a device"])
 def test_a_library_never_writes_onto_what_is_no_file(tmp_path, kind):
     path = tmp_path / "a.mkv"

@@ -19,6 +19,7 @@ import av
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 import endosdk
@@ -627,6 +628,24 @@ def test_bags_are_sources(recorded, tmp_path, ending):
     assert math.isclose(frames[3].stamp_ns, 160_000_000)
 
 
+def test_numbers_go_on_over_a_picture_that_a_bag_lost(recorded, tmp_path):
+    whole, lossy = tmp_path / "whole.mcap", tmp_path / "lossy"
+    main(["replay", str(recorded), "--out", str(whole)])
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with AnyReader([whole], default_typestore=store) as reader, Writer(lossy, version=9) as writer:
+        views = [each for each in reader.connections if each.topic.endswith("image_raw")]
+        to = {each.topic: writer.add_connection(each.topic, each.msgtype, typestore=store) for each in views}
+        lefts = 0
+        for connection, stamp, data in reader.messages(views):
+            lefts += "left" in connection.topic
+            if "left" in connection.topic or lefts != 2:  # the right picture of the second frame
+                writer.write(to[connection.topic], stamp, data)
+    source = endosdk.open_source(lossy)
+    for _ in range(2):
+        assert [frame.number for frame in source] == [number for number in range(COUNT) if number != 1]
+        assert source.dropped == 1
+
+
 def test_a_damaged_recording_is_refused(recorded, tmp_path):
     (tmp_path / "recording.json").write_text("{")
     with pytest.raises(SourceFailed, match="whole recording"):
@@ -639,7 +658,7 @@ def test_a_damaged_recording_is_refused(recorded, tmp_path):
 def test_replay_refuses_names_that_cannot_be(recorded, tmp_path, capsys):
     (tmp_path / "file").touch()  # the privileged may write every folder; a file can hold none
     assert main(["replay", str(recorded), "--out", str(tmp_path / "file" / "pictures")]) == 2
-    assert "pictures (Not a directory)" in capsys.readouterr().err
+    assert "file (File exists)" in capsys.readouterr().err
     assert main(["replay", "x" * 300, "--out", str(tmp_path / "pictures")]) == 2
     assert "must be a folder or a .mkv file that endosdk run wrote" in capsys.readouterr().err
 

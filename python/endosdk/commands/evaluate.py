@@ -132,7 +132,7 @@ def _estimator(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
     # Loaded once before any data is read: a wrong option is refused at once, and the record names the model that runs,
     # which is another than the one asked for where the processor lacks instructions.
     info = DepthEstimator(args.model, **options).model
-    return estimator_method(args.model, **options), {"name": info.name, "version": info.version, "sha256": info.sha256}
+    return estimator_method(args.model, **options), dict(info.identity())
 
 
 def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:

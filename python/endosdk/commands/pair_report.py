@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from endosdk import _core
 from endosdk.commands.options import MODEL
 from endosdk.commands.report import Report
@@ -34,7 +32,9 @@ def explain_pair(report: Report, pair: list[Path], calibration: Path | None, bit
     }
     _causes(report, result)
     _reasons(report, result)
-    _rows(report, views)
+    matched, words = matched_rows(views)
+    report.record["pair"] |= matched
+    report.line(f"rows         {words}")
     return [
         f"the pair cannot be used: {_core.cause_facts[cause]['meaning']}"
         for cause, measure in result.causes.items()
@@ -66,24 +66,18 @@ def _limit(cause: _core.Cause) -> str:
 
 def _reasons(report: Report, result: DepthResult) -> None:
     """Say which shares of the pixels are not valid, by their reasons."""
-    from endosdk import Reason
-
-    bits = np.bincount(result.reasons.ravel(), minlength=256) / result.reasons.size
-    shares = {
-        reason.name or "": float(sum(share for value, share in enumerate(bits) if value & reason)) for reason in Reason
-    }
+    shares = result.reason_shares
     report.record["pair"]["reasons"] = shares
     named = [f"{name} {100 * share:.1f} %" for name, share in shares.items() if share >= 0.0005]
     report.line(f"reasons      {', '.join(named) or 'none'}")
 
 
-def _rows(report: Report, views: tuple[Picture, Picture]) -> None:
-    """Say by how much the rows of the rectified views differ. Whether that matters, the causes say."""
+def matched_rows(views: tuple[Picture, Picture]) -> tuple[dict[str, float | int | None], str]:
+    """Return by how much the rows of rectified views differ, and say it. Whether that matters, the causes say."""
     from endosdk.evaluation.vertical_disparity import vertical_disparity
 
     offset = vertical_disparity(*views)
-    report.record["pair"] |= {"vertical_disparity_px": offset.median_px, "matches": offset.matches}
+    record = {"vertical_disparity_px": offset.median_px, "matches": offset.matches}
     if offset.median_px is None:
-        report.line(f"rows         too few matches to judge ({offset.matches})")
-    else:
-        report.line(f"rows         vertical disparity {offset.median_px:.2f} px (median of {offset.matches} matches)")
+        return record, f"too few matches to judge ({offset.matches})"
+    return record, f"vertical disparity {offset.median_px:.2f} px (median of {offset.matches} matches)"

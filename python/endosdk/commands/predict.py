@@ -10,6 +10,7 @@ import numpy as np
 
 from endosdk import _core
 from endosdk.commands.options import add_bits, add_estimator, made_estimator
+from endosdk.commands.pair_report import matched_rows
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
 
@@ -58,7 +59,9 @@ def run(args: argparse.Namespace) -> int:
     _report_speed(report, timings, totals)
     if truth is not None:
         _report_error(report, result, truth)
-    _report_rows(report, *views)
+    matched, words = matched_rows(views)
+    report.record |= matched
+    report.line(f"rows       {words}")
     report.record["files"] = files
     for number, path in enumerate(files.values()):
         report.line(f"{'' if number else 'written':10} {path}")
@@ -118,23 +121,15 @@ def _read_truth(path: Path, result: DepthResult) -> FloatMap:
     truth = read_disparity(path)
     if truth.shape != result.disparity.shape:
         raise InvalidArgument("truth", f"must have the size of the result, {result.disparity.shape}", truth.shape)
+    if not np.isfinite(truth).any():
+        raise InvalidArgument("truth", "must hold the disparity of at least one pixel", path)
     return truth
 
 
 def _report_error(report: Report, result: DepthResult, truth: FloatMap) -> None:
-    error = np.abs(result.disparity - truth)[np.isfinite(truth)]
-    bad = float(np.mean(error > 1))
-    report.record["error"] = {"epe_px": float(error.mean()), "kpe_1": bad, "pixels": error.size}
-    report.line(
-        f"error      {error.mean():.3f} px against the ground truth, {100 * bad:.1f} % of {error.size} pixels over 1 px"
-    )
+    from endosdk.evaluation.metrics import end_point_error, k_pixel_error, with_truth
 
-
-def _report_rows(report: Report, left: np.ndarray, right: np.ndarray) -> None:
-    """Say by how much the rows of the rectified views differ. Whether that matters, the causes say."""
-    from endosdk.evaluation.vertical_disparity import vertical_disparity
-
-    offset = vertical_disparity(left, right)
-    report.record["vertical_disparity_px"] = offset.median_px
-    if offset.median_px is not None:
-        report.line(f"rows       vertical disparity {offset.median_px:.1f} px (median of {offset.matches} matches)")
+    error, bad = end_point_error(result.disparity, truth), k_pixel_error(result.disparity, truth, 1)
+    pixels = int(with_truth(truth).sum())
+    report.record["error"] = {"epe_px": error, "kpe_1": bad, "pixels": pixels}
+    report.line(f"error      {error:.3f} px against the ground truth, {100 * bad:.1f} % of {pixels} pixels over 1 px")

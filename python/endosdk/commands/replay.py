@@ -32,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the files."""
     from endosdk.errors import InvalidArgument
     from endosdk.io.bounded_read import is_there
+    from endosdk.io.folders import made_folder
     from endosdk.io.whole_files import whole_path
     from endosdk.live.recording.record import FILES, check_out, export
     from endosdk.live.recording.recording import Recording
@@ -43,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix.lower() in FILES:
         export(recording, args.out)
     else:
+        made_folder(args.out.parent, "out")
         with whole_path(args.out, "out") as partial:
             _write_pictures(recording, partial)
     report = Report(args)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 from endosdk.errors import DatasetInvalid
+from endosdk.io.file_hash import files_sha256
 
 
 def hash_sample(folder: Path) -> str:
@@ -13,11 +13,8 @@ def hash_sample(folder: Path) -> str:
 
     Raises DatasetInvalid, which names what is in the folder and no file that can be read.
     """
-    total = hashlib.sha256()
     try:
-        for path in sorted(folder.iterdir()):
-            total.update(f"{path.name}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+        return files_sha256((path.name, path) for path in sorted(folder.iterdir()))
     except OSError as error:
         rule = "must hold nothing but files that can be read"
         raise DatasetInvalid("sample", rule, f"{error.filename or folder} ({error.strerror})") from error
-    return total.hexdigest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from endosdk.datasets.dataset import Sample, read_disparity
 from endosdk.datasets.layouts.pfm import read_pfm
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import Answer, Method
+from endosdk.io.file_hash import files_sha256
 
 FORMATS = (".png", ".pfm", ".npy")
 
@@ -49,10 +49,7 @@ def map_file(folder: Path, sample_id: str) -> Path:
 
 def maps_sha256(folder: Path, ids: Sequence[str]) -> str:
     """Return the hash over the names and contents of the maps of these samples."""
-    total = hashlib.sha256()
-    for path in (map_file(folder, sample_id) for sample_id in ids):
-        total.update(f"{path.relative_to(folder)}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
-    return total.hexdigest()
+    return files_sha256((path.name, path) for path in (map_file(folder, sample_id) for sample_id in ids))
 
 
 def _read(path: Path) -> npt.NDArray[np.float32]:

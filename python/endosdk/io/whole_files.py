@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import os
 import secrets
@@ -13,6 +14,7 @@ from typing import Any, BinaryIO
 
 from endosdk.errors import EndoError, StorageFailed
 from endosdk.io.bounded_read import is_there
+from endosdk.io.folders import made_folder
 from endosdk.io.locks import held, is_held
 
 PARTIAL = ".partial-"
@@ -52,10 +54,7 @@ def write_text(path: Path, text: str, argument: str = "path") -> None:
 
 def write_json(path: Path, content: Any, argument: str = "path") -> None:
     """Write JSON, whole or not at all; the folder is made. Raises `StorageFailed`."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror})") from error
+    made_folder(path.parent, argument)
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n", argument)
 
 
@@ -86,17 +85,19 @@ def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
-    """Yield a name beside ``path`` for what a library writes, file or folder; it becomes ``path`` once it is complete.
+    """Yield a name on the same disk for what a library writes, file or folder; it becomes ``path`` once it is complete.
 
-    Raises `StorageFailed`, which names the caller's ``argument``; also for a device or a pipe, which must not be
-    replaced.
+    Of several writers the last one to finish wins. Raises `StorageFailed`, which names the caller's ``argument``; also
+    for a device or a pipe, which must not be replaced.
     """
     if is_there(path) and not (path.is_file() or path.is_dir()):
         raise StorageFailed(argument, "must be a regular file, a folder or not exist", path)
-    partial = path.with_name(f"{PARTIAL}{path.name}")
+    staging = path.with_name(f"{PARTIAL}{path.name}-{secrets.token_hex(8)}")
+    partial = staging / path.name
     try:
-        _remove(partial)
-        try:
+        _remove_abandoned(path)
+        staging.mkdir()
+        with held(staging):
             yield partial
             for written in partial.rglob("*") if partial.is_dir() else (partial,):
                 if written.is_dir():
@@ -104,13 +105,20 @@ def whole_path(path: Path, argument: str = "path") -> Iterator[Path]:
                 else:
                     _flush(written)
             partial.rename(path)
-            _flush_folder(path.parent)
-        finally:
-            _remove(partial)
+        _flush_folder(path.parent)
     except EndoError:  # of what writes; some are OSErrors too
         raise
     except OSError as error:
         raise StorageFailed(argument, "must be writable", f"{path} ({error.strerror or error})") from error
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove what killed processes left of ``path``: folders that nobody holds."""
+    for staging in path.parent.glob(f"{PARTIAL}{glob.escape(path.name)}-*"):
+        if staging.is_dir() and not is_held(staging):
+            shutil.rmtree(staging, ignore_errors=True)
 
 
 def remove_partials(folder: Path) -> None:

@@ -92,7 +92,7 @@ def run_batch(
     # Here too, before anything is written: a wrong setting is refused, and all workers must load this very model.
     model = _opened(settings).model
     described = {
-        "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
+        "model": model.identity(),
         "calibration_sha256": None if settings.calibration is None else settings.calibration.sha256,
         "network_size": None if settings.network_size is None else list(settings.network_size),
         "provider": settings.provider,

@@ -99,11 +99,7 @@ def run_benchmark(settings: BenchSettings) -> dict[str, Any]:
     startup, memory = _fresh_process(settings, pairs[0].calibration)
     return {
         "command": _command(settings),
-        "model": {
-            "name": estimator.model.name,
-            "version": estimator.model.version,
-            "sha256": estimator.model.sha256,
-        },
+        "model": estimator.model.identity(),
         "size": list(settings.size),
         "window": list(shipped[0].window(*settings.size)),
         "network_size": [estimator.diagnostics()[f"network_{side}"] for side in ("width", "height")],

@@ -18,9 +18,9 @@ from endosdk.calibration.rig import StereoCalibration
 from endosdk.live.recording.bags import type_store
 from endosdk.live.recording.messages import LEFT as LEFT
 from endosdk.live.recording.messages import RIGHT, TOPICS, MessageMaker
+from endosdk.live.recording.result_line import said_of
 from endosdk.live.sources.bag import MOST_APART_NS, picture_of
 from endosdk.runtime.estimator import DepthEstimator
-from endosdk.runtime.result import DepthResult
 
 INPUTS = ("/stereo/left/image_raw", "/stereo/right/image_raw")
 OUTPUTS = tuple(topic for topic in TOPICS if topic not in INPUTS)
@@ -57,7 +57,8 @@ class DepthNode:
         views = [picture_of(message, topic) for message, topic in zip((left, right), INPUTS, strict=True)]
         result = self._estimator.predict(*views)
         at = stamp_ns(left.header.stamp)
-        answers = {"/stereo/result": self._types["std_msgs/msg/String"](data=json.dumps(_said(result)))}
+        line = {"number": result.frame, "stamp_ns": at, **said_of(result)}
+        answers = {"/stereo/result": self._types["std_msgs/msg/String"](data=json.dumps(line))}
         rig, geometry = self._estimator.calibration, result.geometry
         disparity = np.where(result.reasons == 0, result.disparity, np.float32(np.nan))
         answers["/stereo/disparity"] = self._make.disparity(at, disparity, geometry)
@@ -67,18 +68,6 @@ class DepthNode:
             answers["/stereo/depth"] = self._make.map(at, result.depth / np.float32(1000))
             answers["/stereo/points"] = self._make.points(at, result.depth, geometry)
         return answers
-
-
-def _said(result: DepthResult) -> dict[str, Any]:
-    """Return what `/stereo/result` says of a frame."""
-    return {
-        "frame": result.frame,
-        "status": result.status.name,
-        "valid_share": round(result.valid_share, 4),
-        "late": result.late,
-        "causes": {cause.name: measure for cause, measure in result.causes.items()},
-        "total_ms": round(result.timings.total_ms, 2),
-    }
 
 
 def stamp_ns(stamp: Any) -> int:

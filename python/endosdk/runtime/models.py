@@ -46,6 +46,10 @@ class ModelInfo:
     intended_use: str
     sha256: str
 
+    def identity(self) -> dict[str, str]:
+        """Return what tells this model from every other: name, version and sha256, as JSON values."""
+        return {"name": self.name, "version": self.version, "sha256": self.sha256}
+
 
 def shipped_models() -> dict[str, Path]:
     """Name and file of every model that came with the package."""

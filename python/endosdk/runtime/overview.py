@@ -80,7 +80,7 @@ def overview(left: Picture, result: DepthResult, truth: Map | None = None) -> Pi
         [("left view, rectified", left, None), (name, colour_map(values, low, high), scale)],
         [
             ("confidence", colour_map(result.confidence, 0.0, 1.0, "trust"), sure),
-            (reasons, _reasons(result.reasons), _reasons_legend(result.reasons)),
+            (reasons, _reasons(result.reasons), _reasons_legend(result)),
         ],
     ]
     if truth is not None:
@@ -139,14 +139,14 @@ def _reasons(reasons: npt.NDArray[np.uint8]) -> Picture:
     return picture
 
 
-def _reasons_legend(reasons: npt.NDArray[np.uint8]) -> Picture:
+def _reasons_legend(result: DepthResult) -> Picture:
     """Every reason with its colour and its share of the pixels."""
-    legend = np.full((reasons.shape[0], _LEGEND, 3), _PAPER, np.uint8)
+    legend = np.full((result.reasons.shape[0], _LEGEND, 3), _PAPER, np.uint8)
+    shares = result.reason_shares
     for row, (reason, (colour, label)) in enumerate(REASON_STYLE.items()):
         y = 20 + 28 * row
         legend[max(0, y - 13) : y + 2, 8:26] = colour
-        share = 100 * float(np.mean((reasons & reason.value) != 0))
-        _text(legend, f"{label} {share:.1f} %", (34, y), 0.5)
+        _text(legend, f"{label} {100 * shares[str(reason.name)]:.1f} %", (34, y), 0.5)
     return legend
 
 

@@ -100,6 +100,13 @@ class DepthResult:
         return self.maps.reasons
 
     @property
+    def reason_shares(self) -> dict[str, float]:
+        """Share (0..1) of all pixels for which each reason holds, by its name; a pixel can have several."""
+        counts = np.bincount(self.reasons.ravel(), minlength=256)
+        bits = np.arange(counts.size)
+        return {str(r.name): float(counts[(bits & r.value) != 0].sum() / self.reasons.size) for r in Reason}
+
+    @property
     def depth_map(self) -> FloatMap | None:
         """`depth`, or None without a calibration."""
         return self.maps.depth

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.file_hash import file_sha256
+from endosdk.io.folders import made_folder
 from endosdk.io.pictures import write_picture
 from endosdk.io.point_cloud import write_ply
 from endosdk.io.whole_files import whole_file, write_json
@@ -42,7 +43,7 @@ def write_result(
     `write_record` writes that of this result. Raises `InvalidArgument` where ``left`` is no such picture, and
     `StorageFailed`.
     """
-    folder = _made(folder)
+    folder = made_folder(Path(folder), "out")
     _remove(folder / RESULT)  # first: a record always stands beside the files that it names
     written = write_maps(folder, left, result)
     written["overview.png"] = folder / "overview.png"
@@ -72,7 +73,7 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
         raise InvalidArgument(
             "left", f"must be uint8 {(*result.disparity.shape, 3)}, as the maps", f"{left.dtype} {left.shape}"
         )
-    folder = _made(folder)
+    folder = made_folder(Path(folder), "out")
     pictures: dict[str, npt.NDArray[np.uint8] | npt.NDArray[np.uint16]] = {
         "disparity.png": _to_uint16(np.where(result.reasons == 0, result.disparity * 256, 0)),
         "confidence.png": np.rint(result.confidence * 255).astype(np.uint8),
@@ -128,18 +129,10 @@ def described(result: DepthResult) -> dict[str, Any]:
         "median_depth_mm": None if result.depth_map is None else _median(result.depth_map[valid]),
         "size": [width, height],
         "geometry": None if result.geometry is None else {name: getattr(result.geometry, name) for name in GEOMETRY},
-        "model": {"name": result.model.name, "version": result.model.version, "sha256": result.model.sha256},
+        "model": result.model.identity(),
         "calibration_sha256": result.calibration_sha256,
         "provider": result.identity.provider,
     }
-
-
-def _made(folder: str | Path) -> Path:
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("out", "the folder must be writable", error) from error
-    return Path(folder)
 
 
 def _remove(path: Path) -> None:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.errors import InvalidArgument, StorageFailed
+from endosdk.errors import InvalidArgument
+from endosdk.io.folders import made_folder
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.io.whole_files import whole_file, write_text
 from endosdk.runtime.models import ModelInfo, read_model
@@ -31,11 +32,7 @@ def write_repository(model: str | Path, folder: str | Path) -> Path:
     if not is_plain_name(info.name):  # it becomes a folder's
         raise InvalidArgument("model", f"its name {RULE}", repr(info.name))
     home = Path(folder) / info.name
-    try:
-        (home / info.version).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("triton", "the folder must be writable", error) from error
-    with whole_file(home / info.version / "model.onnx", "triton") as stream:
+    with whole_file(made_folder(home / info.version, "triton") / "model.onnx", "triton") as stream:
         stream.write(file.data)
     write_text(home / "config.pbtxt", _configuration(session, info), "triton")
     return home / "config.pbtxt"

@@ -7,16 +7,13 @@ from pathlib import Path
 import onnx
 
 from endosdk import _core
-from endosdk.errors import StorageFailed
+from endosdk.io.folders import made_folder
 from endosdk.io.whole_files import whole_file
 
 
 def write_model(model: onnx.ModelProto, path: Path) -> None:
     """Write the model, sealed, as bytes that depend on nothing but itself; the folder is made. Raises StorageFailed."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("path", "must be writable", f"{path} ({error.strerror})") from error
+    made_folder(path.parent, "path")
     with whole_file(path) as stream:
         stream.write(sealed_bytes(model))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from abc import abstractmethod
 from functools import cached_property
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from endosdk.datasets.dataset import SPLITS, DatasetReader, Sample
 from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.io.file_hash import files_sha256
 
 
 class PublicReader(DatasetReader):
@@ -64,10 +64,8 @@ class PublicReader(DatasetReader):
     @cached_property
     def sha256(self) -> str:
         """Hash over the names and contents of the files of this split (the whole of it is read)."""
-        total = hashlib.sha256()
-        for path in sorted({path for files in self._files.values() for path in files if path.exists()}):
-            total.update(f"{path.relative_to(self.root)}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
-        return total.hexdigest()
+        paths = {path for files in self._files.values() for path in files if path.exists()}
+        return files_sha256((str(path.relative_to(self.root)), path) for path in sorted(paths))
 
     @property
     def split_sha256(self) -> str:

@@ -21,7 +21,8 @@ from endosdk.io.locks import locked_folder
 from endosdk.io.resumable_folder import claim_folder, difference
 from endosdk.io.whole_files import whole_folder, whole_path, write_text
 from endosdk.live.frames import Frame
-from endosdk.live.recording.sixteen_bits import STEPS, described, quantity_of, shares_of, to_levels
+from endosdk.live.recording.result_line import said_of
+from endosdk.live.recording.sixteen_bits import STEPS, quantity_of, to_levels
 from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
 from endosdk.live.recording.video_files import VideoWriter, join
 from endosdk.live.sources.source import DEFAULT_RATE, Source
@@ -191,7 +192,7 @@ def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, tempo
         "source": source.word,
         "views": {name: getattr(source.options, name) for name in ("layout", "gap", "swap")},
         "clock": source.clock,
-        "model": {"name": model.name, "version": model.version, "sha256": model.sha256},
+        "model": model.identity(),
         "calibration": None if rig is None else rig.content(),
         "map": {"name": quantity, "unit": "px" if rig is None else "mm", "step": STEPS[quantity]},
         "pictures": pictures,
@@ -202,22 +203,12 @@ def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, tempo
 
 def line_of(frame: Frame, result: DepthResult) -> dict[str, Any]:
     """Return the line on one frame. A tag that is no JSON, or more than is read back, is written as text."""
-    times = result.timings
     return {
         "number": frame.number,
         "stamp_ns": frame.stamp_ns,
         "tag": frame.tag if _is_json(frame.tag) else repr(frame.tag),
         "fault": frame.fault,
-        "status": result.status.name,
-        "causes": {cause.name: round(measure, 5) for cause, measure in result.causes.items()},
-        "valid_share": round(result.valid_share, 5),
-        "reasons": {name: round(share, 5) for name, share in shares_of(result.reasons).items()},
-        **described(result),
-        "milliseconds": {
-            "rectify": round(times.rectify_ms, 3),
-            "session": round(times.session_ms, 3),
-            "postprocess": round(times.postprocess_ms, 3),
-        },
+        **said_of(result),
     }
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.runtime.result import DepthResult, Reason
+from endosdk.runtime.result import DepthResult
 
 NONE = 0  # no value
 TOO_LARGE = 65535  # a value that does not fit
@@ -29,17 +27,3 @@ def from_levels(levels: npt.NDArray[np.uint16], step: float) -> npt.NDArray[np.f
     """Return the map, mm or px, float32 [H, W]; NaN where there is no value or none that fits."""
     known = (levels != NONE) & (levels != TOO_LARGE)
     return np.where(known, levels * np.float32(step), np.float32(np.nan)).astype(np.float32)
-
-
-def described(result: DepthResult) -> dict[str, Any]:
-    """Return what a line says of the map: its median where there is a value."""
-    name, unit, values = quantity_of(result)
-    known = values[result.reasons == 0]
-    return {f"median_{name}_{unit}": round(float(np.median(known)), 3) if known.size else None}
-
-
-def shares_of(reasons: npt.NDArray[np.uint8]) -> dict[str, float]:
-    """Return the share of pixels that each reason holds for."""
-    counts = np.bincount(reasons.ravel(), minlength=256)
-    bits = np.arange(256)
-    return {str(reason.name): float(counts[(bits & reason.value) != 0].sum() / reasons.size) for reason in Reason}

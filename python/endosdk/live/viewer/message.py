@@ -15,7 +15,7 @@ import numpy as np
 
 from endosdk import _core
 from endosdk.live.frames import Picture
-from endosdk.live.recording.sixteen_bits import STEPS, quantity_of, shares_of, to_levels
+from endosdk.live.recording.sixteen_bits import STEPS, quantity_of, to_levels
 from endosdk.live.viewer.player import Shown
 from endosdk.runtime.overview import robust_range
 from endosdk.runtime.result import Cause, DepthResult
@@ -65,7 +65,7 @@ def described(shown: Shown) -> dict[str, Any]:
         "status": result.status.name,
         "causes": [_cause(cause, measure) for cause, measure in result.causes.items()],
         "valid_share": result.valid_share,
-        "reasons": shares_of(result.reasons),
+        "reasons": result.reason_shares,
         "milliseconds": {"rectify": times.rectify_ms, "session": times.session_ms, "postprocess": times.postprocess_ms},
         "delay_ms": shown.delay_ms,
         "frames_per_second": shown.frames_per_second,

@@ -8,7 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from endosdk.errors import RendererUnavailable, StorageFailed
+from endosdk.errors import RendererUnavailable
+from endosdk.io.folders import made_folder
 
 BPY = "bpy==4.5.15"  # needs Python 3.11 and numpy 1, which opencv 5 refuses: hence the environment of its own
 PACKAGES = (BPY, "numpy>=1.26,<2")
@@ -50,10 +51,7 @@ def set_up(folder: Path | None = None) -> Path:
     base = sys.executable if sys.version_info[:2] == (3, 11) else shutil.which("python3.11")
     if base is None:
         raise RendererUnavailable("cycles_python", "needs Python 3.11 on the path: no other has bpy", sys.version)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageFailed("cycles_python", "the folder must be writable", f"{folder}: {error}") from error
+    made_folder(folder, "cycles_python")
     python = folder / "bin" / "python"
     for words in ([base, "-m", "venv", str(folder)], [str(python), "-m", "pip", "install", *PACKAGES]):
         status = subprocess.run(words, check=False).returncode
