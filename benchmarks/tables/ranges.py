@@ -53,7 +53,9 @@ def range_end_table() -> str:
     heads = ["margin, px"]
     for name, model in models.items():
         label = records.marked(f"`{name}`", model["model_sha256"])
-        heads += [f"{label}: marked of surfaces beyond", "of marked, beyond the last plane", "right answers lost"]
+        heads += [
+            f"{label}: {part}" for part in ("too near, and marked", "of the marked, too near", "correct pixels lost")
+        ]
     rows = []
     for margins in zip(*(model["margins"] for model in models.values()), strict=True):
         cells = [f"{margins[0]['margin_px']:g}", *(percent(margin[key]) for margin in margins for key in what)]

@@ -82,7 +82,7 @@ def gpu_variants_table() -> str:
             cells.append(f"{found['parity']['mean_px']:.6f}")
         rows.append([records.marked(name, run["model_sha256"][name]), found["precision"], *told, *cells])
     heads = ["model", "floats", *(f"`{option}`" for option in swept)]
-    return table([*heads, "on the card", "with copies", "mean difference from a CPU, px"], rows)
+    return table([*heads, "time on the GPU", "time with copies to and from it", "mean difference from a CPU, px"], rows)
 
 
 def card_speed_table(model: str) -> str:

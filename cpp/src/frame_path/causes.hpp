@@ -69,7 +69,7 @@ constexpr CauseFact cause_facts[] = {
      "one view is out of focus or dirty", "clean the lens and focus both cameras"},
     {Cause::dim, "DIM", "mean grey level of the darker view", Bad::low, 16.0, never, "there is too little light",
      "raise the light or the exposure"},
-    {Cause::frozen, "FROZEN", "frames in a row in which only one view did not change, from the 5th on, or both, from the 25th on", Bad::high, 1.0, never,
+    {Cause::frozen, "FROZEN", "unchanged frames in a row, counted from the 5th if one view is unchanged, from the 25th if both are", Bad::high, 1.0, never,
      "a camera or a grabber repeats an old image", "restart the source of the frames"},
     {Cause::not_simultaneous, "NOT_SIMULTANEOUS", "vertical motion between the views, px of the frame", Bad::high, 0.5, never,
      "the two views were taken at different times", "synchronise the two cameras"},
