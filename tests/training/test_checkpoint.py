@@ -8,7 +8,7 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save as safetensors_bytes
 
-from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.dataset import EndosdkReader
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.runtime.models import shipped_models
 from endosdk.training import checkpoint
@@ -117,7 +117,7 @@ def test_kept_weights_are_those_of_the_checkpoint_without_its_optimiser(tmp_path
     ],
 )
 def test_shipped_weights_are_those_of_the_shipped_model(name, model):
-    sample = DatasetReader(PATH_TRACED, "test")[0]
+    sample = EndosdkReader(PATH_TRACED, "test")[0]
     network = checkpoint.load(checkpoint.starting_point(name)).build()
     check_parity(network, shipped_models()[model], parity_pairs(sample.left, sample.right)[1:])
 

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
-from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.dataset import FORMAT_VERSION
+from endosdk.datasets.layouts import open_dataset
+from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import InvalidArgument
 from endosdk.training.config import TrainConfig
-from endosdk.training.sets import JoinedReader, open_sets, split_pairs
+from endosdk.training.sets import HeldOutReader, JoinedReader, open_sets, split_pairs
 from tests.training.warped_set import write_warped_set
 
 
@@ -31,16 +33,27 @@ def test_several_sets_read_as_one(roots):
         open_sets([], "train", "endosdk")
 
 
-class Films(DatasetReader):
-    """So many frames of each film, of which nothing but the ids is there."""
+def test_every_choice_of_pairs_has_hashes_of_its_own(roots):
+    small, large = (open_dataset(root, "train") for root in roots)
+    readers = [small, large, JoinedReader([small, large]), JoinedReader([large, small])]
+    assert len({reader.sha256 for reader in readers}) == len({reader.split_sha256 for reader in readers}) == 4
+    held_out = [HeldOutReader(large, indices) for indices in ([0], [0, 1])]
+    assert {reader.sha256 for reader in held_out} == {large.sha256}
+    assert len({reader.split_sha256 for reader in (large, *held_out)}) == 3
 
-    def __init__(self, *frames):
-        self.split, self.name = "train", "films"
-        self.ids = tuple(f"{film:09d}-{frame:04d}" for film, count in enumerate(frames) for frame in range(count))
+
+def films(folder, *frames):
+    """Set of so many frames of each film, of which nothing but the record is there."""
+    root = folder / "_".join(map(str, frames))
+    root.mkdir()
+    ids = [f"{film:09d}-{frame:04d}" for film, count in enumerate(frames) for frame in range(count)]
+    samples = {"train": dict.fromkeys(ids, "not read"), "test": {}}
+    write_dataset_record(root, {"format_version": FORMAT_VERSION, "name": "films", "samples": samples})
+    return open_dataset(root, "train")
 
 
-def test_no_frame_of_a_film_that_is_held_out_is_trained_on(caplog):
-    reader = Films(10, 10, 10)
+def test_no_frame_of_a_film_that_is_held_out_is_trained_on(tmp_path, caplog):
+    reader = films(tmp_path, 10, 10, 10)
     learned, held_out = split_pairs(reader, TrainConfig(held_out=4))
     assert learned == list(range(20))
     assert held_out == [20, 23, 26, 29]
@@ -50,14 +63,14 @@ def test_no_frame_of_a_film_that_is_held_out_is_trained_on(caplog):
     assert split_pairs(reader, TrainConfig(held_out=20)) == (list(range(10)), list(range(10, 30)))
     assert split_pairs(reader, TrainConfig(held_out=25)) == (list(range(10)), list(range(10, 30)))
     assert split_pairs(reader, TrainConfig(held_out=0)) == (list(range(30)), [])
-    joined = JoinedReader([Films(5, 5), Films(4, 4)])
+    joined = JoinedReader([films(tmp_path, 5, 5), films(tmp_path, 4, 4)])
     assert split_pairs(joined, TrainConfig(held_out=2)) == ([*range(5), *range(10, 14)], [5, 9, 14, 17])
     assert joined.film(13) == joined.film(10) != joined.film(14)
     assert caplog.text == ""
 
 
-def test_a_set_of_one_film_is_split_with_a_warning(caplog):
-    assert split_pairs(Films(6), TrainConfig(held_out=2)) == ([0, 1, 2, 3], [4, 5])
+def test_a_set_of_one_film_is_split_with_a_warning(tmp_path, caplog):
+    assert split_pairs(films(tmp_path, 6), TrainConfig(held_out=2)) == ([0, 1, 2, 3], [4, 5])
     assert "films is one film" in caplog.text
 
 

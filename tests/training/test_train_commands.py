@@ -8,7 +8,7 @@ import onnxruntime as ort
 import pytest
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import DatasetReader, Sample
+from endosdk.datasets.dataset import EndosdkReader, Sample
 from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import shipped_weights
@@ -237,9 +237,9 @@ def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_pat
     train(replace(config, batch=1), tmp_path / "run")
     model, int8 = tmp_path / "m.onnx", tmp_path / "m8.onnx"
     read = []
-    original = DatasetReader.__getitem__
+    original = EndosdkReader.__getitem__
     monkeypatch.setattr(
-        DatasetReader,
+        EndosdkReader,
         "__getitem__",
         lambda self, index: read.append((self.split, self.ids[index])) or original(self, index),
     )

@@ -153,7 +153,7 @@ def _sgbm(args: argparse.Namespace) -> tuple[Method, dict[str, Any]]:
 def _command(args: argparse.Namespace, reader: DatasetReader) -> str:
     """Return the command that measures the same again; of files only their names: no private paths."""
     what = ["--model", Path(args.model).name] if args.maps is None else ["--maps", args.maps.resolve().name]
-    words = ["endosdk", "evaluate", *what, "--data", reader.root.resolve().name]
+    words = ["endosdk", "evaluate", *what, "--data", args.data.resolve().name]
     words += ["--layout", args.layout, "--split", reader.split]
     for name in ("pairs", "network_size", "provider", "threads", "sgbm_range"):
         if getattr(args, name) is not None:

@@ -8,6 +8,7 @@ Disparities are 16-bit pictures of round(256 d), 0 where there is no truth, so t
 from __future__ import annotations
 
 import hashlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -67,11 +68,44 @@ def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDA
     return np.asarray(~(inside & seen))
 
 
-class DatasetReader:
-    """The samples of one split, read from disk when asked for.
+class DatasetReader(ABC):
+    """The samples of one split, read from disk when asked for: those of ``ids``, in their order."""
 
-    The hash of the set stands in records and model files. So a sample must have the bytes that ``dataset.json``
-    records, which is checked when it is first read.
+    name: str  # of the set
+    split: str
+    ids: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __iter__(self) -> Iterator[Sample]:
+        return (self[i] for i in range(len(self)))
+
+    @abstractmethod
+    def __getitem__(self, index: int) -> Sample:
+        """Read sample ``index``. Raises DatasetInvalid."""
+
+    def film(self, index: int) -> str:
+        """Name the film of which a sample is a frame: its id up to a dash and the number of the frame, else its id."""
+        sample_id = self.ids[index]
+        name, _, frame = sample_id.rpartition("-")
+        return name if name and frame.isdecimal() else sample_id
+
+    @property
+    @abstractmethod
+    def sha256(self) -> str:
+        """Hash of the set, which stands in records and model files."""
+
+    @property
+    @abstractmethod
+    def split_sha256(self) -> str:
+        """Hash of the samples of this split alone: equal where two splits hold the same ones."""
+
+
+class EndosdkReader(DatasetReader):
+    """One split of a set in our own layout.
+
+    A sample must have the bytes that ``dataset.json`` records, which is checked when it is first read.
     """
 
     def __init__(self, root: Path, split: str) -> None:
@@ -81,14 +115,11 @@ class DatasetReader:
         self.root = root
         self.split = split
         record = read_record(root)
-        self.name: str = record["name"]
+        self.name = record["name"]
         self.record = record
         self._hashes: dict[str, str] = record["samples"][split]
         self.ids = tuple(sorted(self._hashes))
         self._verified: set[str] = set()
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
     def __getitem__(self, index: int) -> Sample:
         sample_id = self.ids[index]
@@ -102,15 +133,6 @@ class DatasetReader:
             return sample
         return read_sample(folder)
 
-    def film(self, index: int) -> str:
-        """Name the film of which a sample is a frame: its id up to a dash and the number of the frame, else its id."""
-        sample_id: str = self.ids[index]
-        name, _, frame = sample_id.rpartition("-")
-        return name if name and frame.isdecimal() else sample_id
-
-    def __iter__(self) -> Iterator[Sample]:
-        return (self[i] for i in range(len(self)))
-
     @property
     def sha256(self) -> str:
         """Hash of the whole set: of the recorded hashes of all its samples."""
@@ -119,7 +141,7 @@ class DatasetReader:
 
     @property
     def split_sha256(self) -> str:
-        """Hash of the samples of this split alone: equal where two splits hold the same ones."""
+        """Hash of the recorded hashes of the samples of this split."""
         lines = [f"{i}:{h}" for i, h in sorted(self._hashes.items())]
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 

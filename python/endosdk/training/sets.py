@@ -45,7 +45,12 @@ class JoinedReader(DatasetReader):
     @property
     def sha256(self) -> str:
         """Hash of the hashes of all sets, in their order."""
-        return hashlib.sha256("\n".join(part.sha256 for part in self.parts).encode()).hexdigest()
+        return _hash_of([part.sha256 for part in self.parts])
+
+    @property
+    def split_sha256(self) -> str:
+        """Hash of the hashes of all splits, in their order."""
+        return _hash_of([part.split_sha256 for part in self.parts])
 
 
 class HeldOutReader(DatasetReader):
@@ -69,6 +74,15 @@ class HeldOutReader(DatasetReader):
     def sha256(self) -> str:
         """Hash of the whole from which the pairs were taken."""
         return self.whole.sha256
+
+    @property
+    def split_sha256(self) -> str:
+        """Hash of the split from which the pairs were taken, and of their ids."""
+        return _hash_of([self.whole.split_sha256, *self.ids])
+
+
+def _hash_of(lines: Sequence[str]) -> str:
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def open_sets(roots: Sequence[str], split: str, layout: str) -> DatasetReader:

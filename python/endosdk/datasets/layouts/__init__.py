@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.dataset import DatasetReader, EndosdkReader
 from endosdk.datasets.layouts.kitti import KittiReader
 from endosdk.datasets.layouts.middlebury import MiddleburyReader
 from endosdk.datasets.layouts.plain import PlainReader
@@ -28,7 +28,7 @@ def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> Datas
     Raises DatasetInvalid when it is not complete, InvalidArgument for an unknown layout or a split without truth.
     """
     if layout == "endosdk":
-        return DatasetReader(Path(root), split)
+        return EndosdkReader(Path(root), split)
     if layout not in READERS:
         raise InvalidArgument("layout", f"must be one of endosdk, {', '.join(sorted(READERS))}", layout)
     return READERS[layout](Path(root), split)

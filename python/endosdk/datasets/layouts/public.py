@@ -69,7 +69,7 @@ class PublicReader(DatasetReader):
 
     @property
     def split_sha256(self) -> str:
-        """The same as `sha256`, which covers this split alone."""
+        """Return `sha256`, which covers this split alone."""
         return self.sha256
 
 

@@ -26,7 +26,7 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
     check_seed(seed)
     readers = {split: open_dataset(source, split) for split in SPLITS}
     for split, reader in readers.items():
-        for folder in (reader.root / split / sample_id for sample_id in reader.ids):
+        for folder in (Path(source) / split / sample_id for sample_id in reader.ids):
             if "faults" in read_sample_record(folder).get("info", {}):
                 raise DatasetInvalid("spoil", "must be a set without image faults; this sample has some", folder)
     out = Path(root)
