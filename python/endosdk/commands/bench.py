@@ -52,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
     report.line(f"start-up   {record['startup_s']:.2f} s from the import to the first result")
     report.line("latency    " + ", ".join(f"{name} {value:.2f}" for name, value in latency.items()) + " ms")
     report.line("stages     " + ", ".join(f"{name} {value:.2f}" for name, value in stages.items()) + " ms")
-    report.line(f"memory     {record['peak_rss_mb']:.0f} MB at most")
+    if record["peak_rss_mb"] is not None:
+        report.line(f"memory     {record['peak_rss_mb']:.0f} MB at most")
     for name, other in record["against"].items():
         times = f"{other['fps']:.2f} FPS (this model: {record['fps'] / other['fps']:.2f} times)"
         report.line(f"{name:10} {times}, {other['epe_px']:.3f} px with holes filled")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from endosdk.commands.options import MODEL, add_model, add_session, session_options
 from endosdk.commands.report import Report
+from endosdk.datasets.layouts import LAYOUTS
+from endosdk.evaluation.scores import PIXEL_LIMITS
 from endosdk.evaluation.sgbm import RANGE as SGBM_RANGE
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--layout",
         default="endosdk",
-        help="format of the data set: endosdk, scared, servct, kitti, middlebury or plain",
+        help=f"format of the data set: {', '.join(LAYOUTS)}",
     )
     parser.add_argument("--split", help="train or test (default: test, or the split with published ground truth)")
     parser.add_argument("--pairs", type=int, help="use only the first N pairs (default: all)")
@@ -170,7 +172,7 @@ def _report_part(report: Report, name: str, measures: dict[str, Any]) -> None:
     if not measures["valid"]:
         report.line(f"{shown:13} no pixel counted: {measures['pixels']} with truth, none of them answered")
         return
-    shares = ", ".join(f"{100 * measures[f'kpe_{k}']:.2f} % over {k} px" for k in (1, 2, 3, 5))
+    shares = ", ".join(f"{100 * measures[f'kpe_{k}']:.2f} % over {k} px" for k in PIXEL_LIMITS)
     report.line(f"{shown:13} EPE {measures['epe_px']:.4f} px; {shares}")
     if "depth_mae_mm" in measures:
         report.line(f"{'':13} depth error {measures['depth_mae_mm']:.3f} mm, {100 * measures['depth_relative']:.2f} %")

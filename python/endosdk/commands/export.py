@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.commands.report import Report
+from endosdk.runtime.models import shipped_weights
 
 VERSION = "1"
 
@@ -15,7 +16,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument(
         "run",
-        help="run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020), which need --data; with"
+        help=f"run folder, checkpoint or shipped weights ({', '.join(shipped_weights())}), which need --data; with"
         " --triton alone a shipped name or .onnx file",
     )
     parser.add_argument(

@@ -13,6 +13,7 @@ from endosdk import _core
 from endosdk.commands.report import Report
 from endosdk.errors import InvalidArgument
 from endosdk.io.pictures import BITS
+from endosdk.runtime.models import shipped_weights
 
 if TYPE_CHECKING:
     from endosdk.calibration.rig import StereoCalibration
@@ -73,7 +74,7 @@ def add_model(parser: argparse.ArgumentParser, *, others: str = "") -> None:
     parser.add_argument(
         "--model",
         default=MODEL,
-        help=f"name of a shipped model (fast, fast-320, accurate, wang2020) or a .onnx file{others}",
+        help=f"name of a shipped model ({', '.join(shipped_weights())}) or a .onnx file{others}",
     )
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from endosdk.commands.report import Report
-from endosdk.training.config import TrainConfig
+from endosdk.runtime.models import shipped_weights
+from endosdk.training.config import CHOICES, TrainConfig
 from endosdk.training.looks import LOOKS
 
 # Settings that the command line offers, with the text that --help shows; the rest keep the defaults of TrainConfig.
@@ -24,7 +25,7 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     "held_out": (int, "last pairs of the train split, kept for validation and confidence"),
     "init_from": (
         str,
-        "run folder, checkpoint or shipped weights (fast, fast-320, accurate, wang2020) to start from. Their recipe"
+        f"run folder, checkpoint or shipped weights ({', '.join(shipped_weights())}) to start from. Their recipe"
         " gives the defaults; learning rates are those of its last third (default: none)",
     ),
     "batch": (int, "pairs per step and process"),
@@ -39,14 +40,14 @@ _SETTINGS: dict[str, tuple[type, str]] = {
         "planes on each side of the best one used for the result (fast, cascade) (default: all planes)",
     ),
     "volume_weight": (float, "weight of the cross-entropy loss on the cost volume"),
-    "loss": (str, "scale-invariant, l1, l2 or smooth-l1"),
+    "loss": (str, ", ".join(CHOICES["loss"])),
     "balance": (float, "lambda of the scale-invariant loss, 0..1"),
     "output_stride": (
         int,
         "input px per cell of the model output; training upsamples such maps (default: the network's own)",
     ),
     "steps": (int, "training steps; 0: only calibrate the confidence on the held-out pairs"),
-    "optimiser": (str, "rmsprop, adamw or muon"),
+    "optimiser": (str, ", ".join(CHOICES["optimiser"])),
     "rate": (float, "learning rate at the start"),
     "final_rate": (float, "learning rate at the end"),
     "decay": (
@@ -55,8 +56,8 @@ _SETTINGS: dict[str, tuple[type, str]] = {
     ),
     "epochs": (int, "parts of the run in which the rate is held, with --decay epochs"),
     "refine_from_step": (int, "train only the coarse stage until this step"),
-    "precision": (str, "auto, fp32 or bf16"),
-    "device": (str, "auto, cpu or cuda"),
+    "precision": (str, ", ".join(CHOICES["precision"])),
+    "device": (str, ", ".join(CHOICES["device"])),
     "threads": (int, "CPU threads per process (default: that of PyTorch)"),
     "validate_every": (int, "steps between validations"),
     "checkpoint_minutes": (float, "minutes between checkpoints"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import os
 import subprocess
@@ -208,8 +209,11 @@ def _time_stream(estimator: DepthEstimator, pairs: list[RawPair], warmup: int, c
     return time.perf_counter() - started
 
 
-def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[float, float]:
-    """Seconds from the import to the first answer in a fresh process (median of three), and its peak memory, MB."""
+def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[float, float | None]:
+    """Seconds from the import to the first answer in a fresh process (median of three), and its peak memory, MB.
+
+    The memory is None where the system does not tell it.
+    """
     width, height = settings.size
     program = (
         "import time; begun = time.perf_counter()\n"
@@ -220,15 +224,17 @@ def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[flo
         f"threads={settings.threads}, network_size={settings.network_size}, "
         f"provider_options={dict(settings.provider_options or {})})\n"
         "estimator.predict(frame, frame)\n"
-        "import resource\n"
-        "print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+        "seconds = time.perf_counter() - begun\n"
+        "from endosdk.jobs.machine import peak_memory_mb\n"
+        "import json; print(json.dumps([seconds, peak_memory_mb()]))"
     )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "rig.json"
         rig.save(file)
         command = [sys.executable, "-c", program, settings.model, settings.provider, str(file)]
-        runs = [subprocess.run(command, capture_output=True, check=True, text=True).stdout.split() for _ in range(3)]
-    return sorted(float(seconds) for seconds, _ in runs)[1], max(float(memory) for _, memory in runs)
+        runs = [json.loads(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3)]
+    memories = [memory for _, memory in runs if memory is not None]
+    return sorted(seconds for seconds, _ in runs)[1], max(memories, default=None)
 
 
 class _Sgbm:

@@ -11,6 +11,7 @@ import numpy as np
 
 from endosdk.datasets.dataset import Sample, read_colours
 from endosdk.errors import StorageFailed
+from endosdk.io.whole_files import PARTIAL
 from endosdk.simulation.camera import Pose, StereoCamera, look, rectified_pair
 from endosdk.simulation.curve import Floats, bezier
 from endosdk.simulation.effects import Effects, affected
@@ -131,7 +132,7 @@ def write_video(path: Path, folders: list[Path]) -> None:
     """Write the frames in sample folders as one MP4, left and right side by side. Raises StorageFailed."""
     import cv2
 
-    partial = path.parent.parent / f".partial-{path.stem}.mp4"
+    partial = path.parent.parent / f"{PARTIAL}{path.stem}.mp4"
     try:
         path.parent.mkdir(exist_ok=True)
         writer = None

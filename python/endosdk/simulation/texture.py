@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.simulation.bubbles import add_bubbles
+from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array, fractal_tile, tile_noise
 from endosdk.simulation.tissue import Tissue
 from endosdk.simulation.tissue_pictures import tissue_tile
@@ -32,6 +33,11 @@ class TissueTexture:
     detail: NDArray[np.uint8]
     size_mm: tuple[float, float]  # along u, along v
     detail_mm: float = DETAIL_MM
+
+
+FLAT_TILE = np.full((16, 16, 4), 128, np.uint8)  # a detail that changes nothing
+
+Surface = tuple[Mesh, Tissue, TissueTexture]  # as it is rendered: form, substance and what is painted on it
 
 
 def paint_tissue(tissue: Tissue, seed: tuple[int, ...], size_mm: tuple[float, float], pixels: int) -> TissueTexture:

@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from endosdk.datasets.dataset import DatasetReader
+from endosdk.datasets.dataset import DISPARITY_STEPS, DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.io.progress import progress
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
 from endosdk.training.frame_size import seen_size, seen_truth, seen_views
 
-TRUTH_SCALE = 256.0  # disparity is cached in 1/256 px, as it is on disk
 LARGEST_PACKED = int(np.iinfo(np.uint16).max)
 
 
 @dataclass(frozen=True)
 class _Stored:
-    """One decoded pair as it waits in memory: 5 bytes a pixel and view."""
+    """One decoded pair as it waits in memory: 5 bytes a pixel and view; disparities in steps as on disk."""
 
     left: NDArray[np.uint8]
     right: NDArray[np.uint8]
@@ -169,8 +168,8 @@ def _packed(disparity: NDArray[np.float32]) -> NDArray[np.uint16]:
 
 
 def _scaled(disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(np.rint(disparity * np.float32(TRUTH_SCALE)), dtype=np.float32)
+    return np.asarray(np.rint(disparity * np.float32(DISPARITY_STEPS)), dtype=np.float32)
 
 
 def _truth(packed: NDArray[np.uint16]) -> NDArray[np.float32]:
-    return np.where(packed == 0, np.float32(np.nan), packed / np.float32(TRUTH_SCALE)).astype(np.float32)
+    return np.where(packed == 0, np.float32(np.nan), packed / np.float32(DISPARITY_STEPS)).astype(np.float32)

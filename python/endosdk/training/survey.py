@@ -2,7 +2,8 @@
 
 The network stays as it is. It answers crops as training draws them, spoilt looks included. What it knew of each cell
 and how far it was off are kept, and the surveyor learns from these. A surveyor is too small to learn crops by heart,
-so it may see the pairs that the network has learned from; the scale is fitted to others (`calibrate`).
+so it may see the pairs that the network has learned from; the scale is fitted to others
+(`fit_confidence`).
 """
 
 from __future__ import annotations

@@ -89,7 +89,10 @@ def mean_errors(
 
 
 def full_scores(network: StereoNetwork, reader: DatasetReader) -> dict[str, Any]:
-    """Every measure of `ScoreBoard` over a split, confidence and expected depth error included."""
+    """Measures of `ScoreBoard` over a split, confidence and expected depth error included.
+
+    Those parts are left out that need the picture or the frame path: glare, low texture, instruments, range, validity.
+    """
     board = ScoreBoard()
     for frame in predict_frames(network, reader, range(len(reader)), title="test split"):
         sample, disparity = frame.sample, frame.maps[-1]

@@ -19,7 +19,8 @@ import yaml
 
 from endosdk.calibration.files import native
 from endosdk.calibration.files.native import NumbersInLines
-from endosdk.calibration.files.ros import distortion_of
+from endosdk.calibration.files.ros import camera_info
+from endosdk.calibration.files.stated import MM_PER_UNIT
 from endosdk.errors import InvalidArgument
 from endosdk.io.names import file_name
 from endosdk.io.whole_files import write_text
@@ -27,7 +28,6 @@ from endosdk.io.whole_files import write_text
 if TYPE_CHECKING:
     from endosdk.calibration.rig import StereoCalibration
 
-METRES = 1e-3
 ROS_ENDING = ".ros.yaml"
 
 Writer = Callable[["StereoCalibration", Path], list[Path]]  # returns the files written; raises `StorageFailed`
@@ -107,7 +107,7 @@ def _kalibr(calibration: StereoCalibration) -> dict[str, Any]:
     c = calibration
     transform = np.eye(4)
     transform[:3, :3] = c.rotation
-    transform[:3, 3] = c.translation * METRES
+    transform[:3, 3] = c.translation / MM_PER_UNIT["m"]
     return {
         "cam0": _kalibr_camera(c, c.left_matrix, c.left_distortion),
         "cam1": {**_kalibr_camera(c, c.right_matrix, c.right_distortion), "T_cn_cnm1": transform.tolist()},
@@ -128,20 +128,16 @@ def _kalibr_camera(calibration: StereoCalibration, matrix: Any, distortion: Any)
 
 
 def _ros(calibration: StereoCalibration, side: str) -> dict[str, Any]:
-    c, g = calibration, calibration.rectification()
-    left = side == "left"
-    model, distortion = distortion_of(c.model, c.left_distortion if left else c.right_distortion)
-    projection = (g.P1 if left else g.P2).copy()
-    projection[:, 3] *= METRES
+    info = camera_info(calibration, calibration.rectification(), side)
     return {
-        "image_width": c.width,
-        "image_height": c.height,
+        "image_width": calibration.width,
+        "image_height": calibration.height,
         "camera_name": side,
-        "camera_matrix": _ros_matrix(c.left_matrix if left else c.right_matrix),
-        "distortion_model": model,
-        "distortion_coefficients": _ros_matrix(distortion.reshape(1, -1)),
-        "rectification_matrix": _ros_matrix(g.R1 if left else g.R2),
-        "projection_matrix": _ros_matrix(projection),
+        "camera_matrix": _ros_matrix(info.matrix),
+        "distortion_model": info.distortion_model,
+        "distortion_coefficients": _ros_matrix(info.distortion.reshape(1, -1)),
+        "rectification_matrix": _ros_matrix(info.rectification),
+        "projection_matrix": _ros_matrix(info.projection),
     }
 
 

@@ -10,14 +10,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.files.stated import RawCalibration, lens_model, matrix, picture_size, required, yaml_mapping
+from endosdk.calibration.files.stated import (
+    MM_PER_UNIT,
+    RawCalibration,
+    lens_model,
+    matrix,
+    picture_size,
+    required,
+    yaml_mapping,
+)
 from endosdk.calibration.rules import CameraModel
 from endosdk.errors import CalibrationSizeMismatch, CalibrationUnreadable, InvalidArgument
+
+if TYPE_CHECKING:
+    from endosdk.calibration.rectified_geometry import RectifiedGeometry
+    from endosdk.calibration.rig import StereoCalibration
 
 Matrix = npt.NDArray[np.float64]
 
@@ -33,7 +45,27 @@ class _Camera:
     projection: Matrix
 
 
-def distortion_of(model: CameraModel, coefficients: Matrix) -> tuple[str, Matrix]:
+class CameraInfo(NamedTuple):
+    """What ROS states of one view, lengths in metres: D, K, R and P."""
+
+    distortion_model: str
+    distortion: Matrix
+    matrix: Matrix
+    rectification: Matrix
+    projection: Matrix
+
+
+def camera_info(rig: StereoCalibration, geometry: RectifiedGeometry, side: str) -> CameraInfo:
+    """Return what ROS states of the ``left`` or ``right`` view of a rig that is rectified to ``geometry``."""
+    left = side == "left"
+    model, distortion = _distortion_of(rig.model, rig.left_distortion if left else rig.right_distortion)
+    projection = (geometry.P1 if left else geometry.P2).copy()
+    projection[:, 3] /= MM_PER_UNIT["m"]
+    rotation = geometry.R1 if left else geometry.R2
+    return CameraInfo(model, distortion, rig.left_matrix if left else rig.right_matrix, rotation, projection)
+
+
+def _distortion_of(model: CameraModel, coefficients: Matrix) -> tuple[str, Matrix]:
     """Return the distortion model that camera_info names, and as many coefficients as ROS wants of it."""
     if model == "fisheye":
         name, count = "equidistant", 4

@@ -20,6 +20,7 @@ READERS: dict[str, type[PublicReader]] = {
     "scared": ScaredReader,
     "servct": ServCtReader,
 }
+LAYOUTS = ("endosdk", *READERS)
 
 
 def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> DatasetReader:
@@ -30,7 +31,7 @@ def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> Datas
     if layout == "endosdk":
         return EndosdkReader(Path(root), split)
     if layout not in READERS:
-        raise InvalidArgument("layout", f"must be one of endosdk, {', '.join(sorted(READERS))}", layout)
+        raise InvalidArgument("layout", f"must be one of {', '.join(LAYOUTS)}", layout)
     return READERS[layout](Path(root), split)
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from endosdk.calibration.files.ros import distortion_of
+from endosdk.calibration.files.ros import camera_info
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.live.frames import Frame, Picture
@@ -44,14 +44,14 @@ def messages(recording: Recording, types: Any, ros1: bool) -> Iterator[Message]:
     """Yield the messages of a recording in the order of time; ``types`` are the classes of a store of rosbags."""
     make = MessageMaker(types, ros1)
     rig = recording.calibration
+    geometry = None if rig is None else rig.rectification()
     frames: Iterator[Frame | None] = iter(recording) if recording.settings["pictures"] else iter(lambda: None, 0)
     for (line, values), frame in zip(recording.maps(), frames, strict=False):
         at = line["stamp_ns"]
         if frame is not None:
             yield Message("/stereo/left/image_raw", at, make.picture(at, LEFT, frame.left))
             yield Message("/stereo/right/image_raw", at, make.picture(at, RIGHT, frame.right))
-        if rig is not None:
-            geometry = rig.rectification()
+        if rig is not None and geometry is not None:
             yield Message("/stereo/left/camera_info", at, make.camera(at, LEFT, rig, geometry))
             yield Message("/stereo/right/camera_info", at, make.camera(at, RIGHT, rig, geometry))
             yield Message("/stereo/depth", at, make.map(at, values / np.float32(1000)))
@@ -98,25 +98,17 @@ class MessageMaker:
 
     def camera(self, at: int, frame_id: str, rig: StereoCalibration, geometry: RectifiedGeometry) -> Any:
         """Return a view's CameraInfo; ``frame_id`` says which."""
-        left = frame_id == LEFT
-        projection = (geometry.P1 if left else geometry.P2).copy()
-        projection[:, 3] /= 1000
-        model, distortion = distortion_of(rig.model, rig.left_distortion if left else rig.right_distortion)
-        values = {
-            "d": distortion,
-            "k": (rig.left_matrix if left else rig.right_matrix).reshape(-1),
-            "r": (geometry.R1 if left else geometry.R2).reshape(-1),
-            "p": projection.reshape(-1),
-        }
+        info = camera_info(rig, geometry, "left" if frame_id == LEFT else "right")
+        values = {"d": info.distortion, "k": info.matrix, "r": info.rectification, "p": info.projection}
         return self._types["sensor_msgs/msg/CameraInfo"](
             header=self.header(at, frame_id),
             height=rig.height,
             width=rig.width,
-            distortion_model=model,
+            distortion_model=info.distortion_model,
             binning_x=0,
             binning_y=0,
             roi=self._region(0, 0, 0, 0),
-            **{(name.upper() if self._ros1 else name): np.array(value) for name, value in values.items()},
+            **{(name.upper() if self._ros1 else name): value.flatten() for name, value in values.items()},
         )
 
     def disparity(self, at: int, values: npt.NDArray[np.float32], geometry: RectifiedGeometry | None) -> Any:

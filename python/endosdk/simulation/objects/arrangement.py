@@ -10,13 +10,12 @@ import numpy as np
 
 from endosdk.simulation import surfaces
 from endosdk.simulation.curve import Floats
-from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.patterns import Picture, draw_pattern
 from endosdk.simulation.rigs import SceneRig
 from endosdk.simulation.scene import Lamp
 from endosdk.simulation.surfaces import Patches, mesh_of
-from endosdk.simulation.texture import TissueTexture
-from endosdk.simulation.tissue import Tissue, draw_metal
+from endosdk.simulation.texture import FLAT_TILE, Surface, TissueTexture
+from endosdk.simulation.tissue import draw_metal
 
 WIRE_PX = (0.6, 4.0)  # radius of a wire in the picture
 OBJECTS: dict[str, tuple[float, Callable[[np.random.Generator], Patches]]] = {
@@ -34,9 +33,6 @@ WALLS = {"wall": 0.35, "room": 0.25, "floor": 0.25, "none": 0.15}
 CROWDS = ((0.15, (1, 4)), (0.5, (5, 18)), (0.35, (19, 45)))
 SIZES = (0.03, 0.75)  # of an object, as a share of the frame width
 TILES_PX = (60.0, 500.0)  # what one texture covers in the picture
-FLAT_TILE = np.full((16, 16, 4), 128, np.uint8)
-
-Surface = tuple[Mesh, Tissue, TissueTexture]
 
 
 def draw_objects(rng: np.random.Generator, rig: SceneRig) -> tuple[list[Surface], dict[str, Any]]:

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endosdk.simulation.noise import Array, fractal_tile, tile_noise
-from endosdk.simulation.texture import TissueTexture
+from endosdk.simulation.texture import FLAT_TILE, TissueTexture
 from endosdk.simulation.tissue import Tissue, draw_metal
 
 SIDE = 128
-FLAT_TILE = np.full((16, 16, 4), 128, np.uint8)
 # sRGB levels, and by how much the colours may stray
 TONES: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "steel": ((110, 110, 112), (205, 205, 205)),

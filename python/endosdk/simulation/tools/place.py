@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from endosdk.simulation import surfaces
 from endosdk.simulation.camera import Pose
 from endosdk.simulation.curve import Floats
-from endosdk.simulation.meshes import Mesh
 from endosdk.simulation.noise import Array
 from endosdk.simulation.rigs import SceneRig
 from endosdk.simulation.surfaces import mesh_of
-from endosdk.simulation.texture import TissueTexture
+from endosdk.simulation.texture import Surface, TissueTexture
 from endosdk.simulation.tissue import Tissue
 from endosdk.simulation.tools import pieces
 from endosdk.simulation.tools.materials import draw_material
@@ -27,8 +26,6 @@ SHAFT_MM = (1.2, 4.5)  # radius
 WIDEST = 0.16  # radius of a shaft, as a share of its distance
 PLACES = 6  # that are tried for an instrument; the one that fits best is taken
 TILE_RADII = 6.0  # a texture repeats along a tool after so many radii
-
-Surface = tuple[Mesh, Tissue, TissueTexture]
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,8 @@ def draw_tools(rng: np.random.Generator, view: BareView) -> tuple[list[Surface],
     for _ in range(int(rng.choice(len(COUNTS), p=COUNTS))):
         name, parts = pieces.instrument(rng)
         names.append(name)
-        placed = min((_instrument(rng, view, parts) for _ in range(PLACES)), key=lambda tried: _excess(view, *tried))
+        tried = (_instrument(rng, view, parts) for _ in range(PLACES))
+        placed = min(tried, key=lambda place: _excess(view, place[0], place[2]))
         found += _made(rng, view, *placed)
     for name, share in EXTRAS.items():
         if rng.random() < share:
@@ -143,7 +141,7 @@ def _made(
     rng: np.random.Generator, view: BareView, parts: list[Piece], radius: float, distance: float
 ) -> list[Surface]:
     """Give parts their materials, and move the whole away where it would come too near."""
-    factor = _excess(view, parts, radius, distance)
+    factor = _excess(view, parts, distance)
     shade = float(np.clip((factor * distance / view.reach) ** 1.3, 0.1, 1.0))
     found = []
     looks: dict[str, tuple[Tissue, TissueTexture]] = {}
@@ -156,7 +154,7 @@ def _made(
     return found
 
 
-def _excess(view: BareView, parts: list[Piece], radius: float, distance: float) -> float:
+def _excess(view: BareView, parts: list[Piece], distance: float) -> float:
     """Return by what factor parts must move away for nothing to come too near, at least 1."""
     visible = [points[_in_front(points, view)] for points in (part.patches.points for part in parts)]
     closest = min((float(points[..., 2].min()) for points in visible if len(points)), default=view.nearest)
