@@ -17,8 +17,10 @@ from endosdk.evaluation.sgbm import SgbmBaseline
 from endosdk.jobs import bench
 from endosdk.jobs.bench import TURNS, BenchSettings, burdened, run_benchmark, time_frames
 from endosdk.runtime.estimator import DepthEstimator
+from endosdk.runtime.models import read_model
 from endosdk.runtime.rectify import rectified
 from endosdk.runtime.result import Timings
+from endosdk.runtime.session import StereoSession
 from tests.conftest import TINY_MODEL
 
 SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "25", "--warmup", "1"]
@@ -138,9 +140,8 @@ class Machine:
 class RightModel:
     """What the benchmark takes for an estimator: one frame of ten takes longer, and a stream gives one every 4 ms."""
 
-    model = SimpleNamespace(name="right", version="1", sha256="abc")
-
     def __init__(self, machine, truth):
+        self.model = StereoSession(read_model(TINY_MODEL), threads=1).info
         self.machine, self.truth, self.asked = machine, truth, None
 
     def __call__(self, model, **asked):
