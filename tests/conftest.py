@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +48,26 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 @pytest.fixture
+def interruptible():
+    """A shell starts what runs in its background with interrupts ignored: not so here."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(scope="session")
+def watcher(tmp_path_factory) -> Path:
+    """A library that writes down every attempt of a program to reach the network."""
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler (Debian: apt-get install gcc)")
+    library = tmp_path_factory.mktemp("watch") / "watch_network.so"
+    source = ROOT / "tests" / "data" / "watch_network.c"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
+    return library
+
+
+@pytest.fixture
 def restored_settings():
     """Whatever a test sets in the compiled core, the next one finds it as it was."""
     from endosdk import _core
@@ -73,6 +96,12 @@ def shifted_pair(height: int, width: int, disparity: int, seed: int = 0) -> tupl
     """A rectified pair of a fronto-parallel plane: ``right[x - disparity] == left[x]``."""
     wide = textured_picture(height, width + disparity, seed)
     return np.ascontiguousarray(wide[:, :width]), np.ascontiguousarray(wide[:, disparity:])
+
+
+def noisy(view: np.ndarray, levels: float, seed: int) -> np.ndarray:
+    """A picture with noise of so many grey levels."""
+    rng = np.random.default_rng(seed)
+    return np.clip(view + rng.normal(0, levels, view.shape), 0, 255).astype(np.uint8)
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from endosdk import Cause, DepthResult, Status
 from endosdk.datasets.dataset import Sample
 from endosdk.simulation.faults.field import Field, Label, darken_outside, inside, write_label
 from endosdk.simulation.faults.rows import Rows, move_view
+from endosdk.simulation.sensor import as_jpeg
 
 Picture = NDArray[np.uint8]
 Spoil = Callable[[Sample, np.random.Generator], Sample]
@@ -67,11 +68,7 @@ def _blurred(px: float) -> Callable[[Picture, np.random.Generator], Picture]:
 
 
 def _jpeg(quality: int) -> Callable[[Picture, np.random.Generator], Picture]:
-    def packed(view: Picture, rng: np.random.Generator) -> Picture:
-        _, data = cv2.imencode(".jpg", view[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        return np.ascontiguousarray(cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1])
-
-    return packed
+    return lambda view, rng: as_jpeg(view, quality)
 
 
 def _even(level: float, noise: float) -> Callable[[Picture, np.random.Generator], Picture]:

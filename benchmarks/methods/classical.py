@@ -14,7 +14,7 @@ import numpy.typing as npt
 from endosdk.datasets.dataset import Sample
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import Answer, Method
-from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings, fill_holes
+from endosdk.evaluation.sgbm import SgbmBaseline, SgbmSettings, fill_holes, matched
 from endosdk.io.progress import progress
 
 FloatMap = npt.NDArray[np.float32]
@@ -48,13 +48,7 @@ class BlockMatcher:
 
     def compute(self, left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> FloatMap:
         """Disparity, px, float32 [H, W] of a rectified RGB pair uint8 [H, W, 3]."""
-        import cv2
-
-        if left.shape[1] <= self.max_disparity:
-            raise InvalidArgument("left", f"must be wider than {self.max_disparity} px", left.shape[1])
-        gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (left, right)]
-        fixed = self._matcher.compute(*gray)
-        return np.where(fixed > 0, fixed.astype(np.float32) / 16, np.float32(np.nan)).astype(np.float32)
+        return matched(self._matcher, left, right, self.max_disparity)
 
 
 def classical_method(name: str, settings: dict[str, Any], *, filled: bool) -> Method:

@@ -10,6 +10,7 @@ from benchmarks.tables import records
 from benchmarks.tables.markdown import percent, table
 from endosdk import _core
 from endosdk.runtime.models import shipped_models
+from endosdk.training.model_file import properties_of
 
 WIDEST_UNRESIZED = 960  # px; wider frames are resized for a model that states no inference width
 # Focal length over frame width and baseline in mm of three published rigs.
@@ -22,7 +23,7 @@ RIGS = {
 
 def facts_of(model: str) -> dict[str, str]:
     """Return what a shipped file says of itself."""
-    return {entry.key: entry.value for entry in onnx.load(shipped_models()[model]).metadata_props}
+    return properties_of(onnx.load(shipped_models()[model]))
 
 
 def largest_disparity(facts: dict[str, str]) -> float:

@@ -42,6 +42,8 @@ void bind_numbers(py::module_& m) {
   m.attr("rig_file_version") = rig_file_version;
   m.attr("plausible_baseline_mm") = py::make_tuple(plausible_baseline_mm[0], plausible_baseline_mm[1]);
   m.attr("longest_side") = longest_side;
+  m.attr("model_key_prefix") = model_key_prefix;
+  m.attr("model_format_version") = model_format_version;
   m.attr("certain_standard_errors") = certain_errors;
   m.attr("max_threads") = max_threads;
   m.attr("range_margin") = range_margin;

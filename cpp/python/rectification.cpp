@@ -16,6 +16,7 @@
 #include "images/equal_blocks.hpp"
 #include "images/interlacing.hpp"
 #include "images/same_view.hpp"
+#include "rigs.hpp"
 
 namespace endosdk {
 namespace {
@@ -73,6 +74,12 @@ py::tuple stereo_rectify_arrays(const std::string& model, const Doubles& k1, con
   rig.width = width;
   rig.height = height;
   const Rectification r = stereo_rectify(rig, alpha);
+  return py::make_tuple(matrix(r.left_rotation), matrix(r.right_rotation), matrix(r.left_projection),
+                        matrix(r.right_projection));
+}
+
+py::tuple rig_geometry(const RigNumbers& numbers, double alpha) {
+  const Rectification r = rig_of(numbers).geometry(alpha).views;
   return py::make_tuple(matrix(r.left_rotation), matrix(r.right_rotation), matrix(r.left_projection),
                         matrix(r.right_projection));
 }
@@ -197,6 +204,11 @@ void bind_rectification(py::module_& m) {
   m.def("stereo_rectify", &stereo_rectify_arrays, arg("model"), arg("K1"), arg("D1"), arg("K2"), arg("D2"), arg("R"),
         arg("T"), arg("width"), arg("height"), arg("alpha"),
         "Rectifying rotations R1, R2 and projections P1, P2 of a rig, as OpenCV computes them.");
+  m.def("rig_geometry", &rig_geometry, arg("rig"), arg("alpha"),
+        "R1, R2, P1, P2 of the rectified pair of a rig.");
+  m.def(
+      "is_rectified", [](const RigNumbers& rig) { return stands_rectified(calibration_of(rig)); }, arg("rig"),
+      "Whether pictures of a rig need no rectification.");
   m.def(
       "network_size_of",
       [](int width, int height, int inference_width) {

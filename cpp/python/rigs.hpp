@@ -14,7 +14,7 @@ namespace endosdk {
 // of the left camera, then of the right one.
 using RigNumbers = std::tuple<std::string, int, int, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles>;
 
-inline Rig rig_of(const RigNumbers& given) {
+inline endo_calibration calibration_of(const RigNumbers& given) {
   const auto& [model, width, height, left_matrix, left_distortion, right_matrix, right_distortion, rotation, translation,
                left_field, right_field] = given;
   endo_calibration rig{};
@@ -36,7 +36,9 @@ inline Rig rig_of(const RigNumbers& given) {
   };
   rig.left_distortion_count = copy_distortion(left_distortion, "left_distortion", rig.left_distortion);
   rig.right_distortion_count = copy_distortion(right_distortion, "right_distortion", rig.right_distortion);
-  return Rig(rig);
+  return rig;
 }
+
+inline Rig rig_of(const RigNumbers& given) { return Rig(calibration_of(given)); }
 
 }  // namespace endosdk

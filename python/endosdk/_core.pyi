@@ -144,6 +144,8 @@ default_min_confidence: float
 
 # Answers this close to an end of the network's range, px of the network, count as out of range.
 longest_side: int
+model_key_prefix: str
+model_format_version: str
 certain_standard_errors: float
 max_threads: int
 range_margin: float
@@ -192,6 +194,12 @@ def stereo_rectify(
 
     Fisheye rigs: as cv2.fisheye.stereoRectify with balance=alpha.
     """
+
+def rig_geometry(rig: _Rig | tuple[Any, ...], alpha: float) -> tuple[_Matrix, _Matrix, _Matrix, _Matrix]:
+    """R1, R2 (3x3), P1, P2 (3x4) of the rectified pair of a rig."""
+
+def is_rectified(rig: _Rig | tuple[Any, ...]) -> bool:
+    """Whether pictures of a rig need no rectification."""
 
 def undistort_map(
     model: _Model | str, K: ArrayLike, D: ArrayLike, R: ArrayLike, P: ArrayLike, width: int, height: int

@@ -9,7 +9,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -91,16 +90,6 @@ def test_the_abi_is_that_of_the_first_release(installed):
     options = ["--no-show-locs", "--exported-interfaces-only", "--no-added-syms", "--headers-dir2", c.HEADER.parent]
     done = subprocess.run(["abidiff", *options, ABI, installed.library], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-@pytest.fixture(scope="module")
-def watcher(tmp_path_factory) -> Iterator[Path]:
-    if shutil.which("cc") is None:
-        pytest.skip("no C compiler (Debian: apt-get install gcc)")
-    library = tmp_path_factory.mktemp("watch") / "watch_network.so"
-    source = ROOT / "tests" / "data" / "watch_network.c"
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
-    yield library
 
 
 # The runtime's own reporter would look up its host about 9 s after the library is opened.

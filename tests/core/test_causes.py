@@ -13,7 +13,7 @@ import pytest
 import endosdk
 from endosdk import Cause, Reason, Status, _core
 from endosdk.measure import rectified_to_raw
-from tests.conftest import TINY_MODEL, shifted_pair
+from tests.conftest import TINY_MODEL, noisy, shifted_pair
 from tests.core_rigs import every_isa
 from tests.reference import matched_views, resampling, view_measures
 from tests.rigs import raw_rig
@@ -37,11 +37,6 @@ def status_of(measures: dict[Cause, float]) -> Status:
             if measure >= limit if fact["bad"] == "high" else measure < limit:
                 worst = max(worst, level)
     return worst
-
-
-def noisy(view: np.ndarray, levels: float, seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.clip(view + rng.normal(0, levels, view.shape), 0, 255).astype(np.uint8)
 
 
 def circled(

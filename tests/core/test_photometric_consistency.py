@@ -8,7 +8,7 @@ import pytest
 
 import endosdk
 from endosdk import Cause, DepthEstimator, Status, _core
-from tests.conftest import TINY_MODEL, shifted_pair
+from tests.conftest import TINY_MODEL, noisy, shifted_pair
 from tests.core.test_pose_error import RIG, cycles_pair
 from tests.core_rigs import every_isa
 from tests.reference import matched_views, resampling, view_measures
@@ -214,15 +214,10 @@ def test_exposure_and_colour_of_a_camera_do_not_matter():
     assert np.mean(seen > 0.9999) > 0.95
 
 
-def spoilt(view: np.ndarray, levels: float, seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.clip(view + rng.normal(0, levels, view.shape), 0, 255).astype(np.uint8)
-
-
 @pytest.mark.parametrize("levels", [4, 8, 12])
 def test_noise_does_not_take_the_answer_from_a_right_pair(levels):
     pair = shifted_pair(180, 240, 9)
-    views = [padded(spoilt(view, levels, seed), 8) for seed, view in enumerate(pair)]
+    views = [padded(noisy(view, levels, seed), 8) for seed, view in enumerate(pair)]
     disparity = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
     seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
     assert np.mean(seen[:, 12:] > 0.5) > 0.97
@@ -231,7 +226,7 @@ def test_noise_does_not_take_the_answer_from_a_right_pair(levels):
 def test_flat_surfaces_keep_their_confidence():
     left, right = shifted_pair(180, 240, 9)
     left[60:120, 80:160], right[60:120, 71:151] = 90, 90
-    views = padded(spoilt(left, 3, 1), 8), padded(spoilt(right, 3, 2), 8)
+    views = padded(noisy(left, 3, 1), 8), padded(noisy(right, 3, 2), 8)
     disparity = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
     seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
     assert seen[75:105, 95:145].min() > 0.5

@@ -337,14 +337,6 @@ def test_a_recording_can_be_swapped_and_tagged_like_every_source(recorded):
         assert frames[-1].tag == COUNT - 1
 
 
-@pytest.fixture
-def interruptible():
-    """A shell starts what runs in its background with interrupts ignored: not so here."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def interrupted_at_picture(monkeypatch, number):
     """Let control-C come while a picture of a recording is written."""
     add, count = VideoWriter.add, iter(range(1000))

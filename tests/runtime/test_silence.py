@@ -1,7 +1,6 @@
 """No network and no file of its own: seen from outside, with a library that records every attempt."""
 
 import os
-import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -26,17 +25,6 @@ time.sleep(float(sys.argv[1]))
 LONG_ENOUGH_S = 20
 
 TALK = "import socket\ntry: socket.getaddrinfo('example.invalid', 80)\nexcept OSError: pass"
-
-
-@pytest.fixture(scope="module")
-def watcher(tmp_path_factory):
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no C compiler (Debian: apt-get install gcc)")
-    library = tmp_path_factory.mktemp("watch") / "watch_network.so"
-    source = ROOT / "tests" / "data" / "watch_network.c"
-    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
-    return library
 
 
 def attempts(watcher: Path, home: Path, program: str, *words: str, **variables: str) -> list[str]:

@@ -92,14 +92,6 @@ def test_a_resumed_run_equals_one_that_never_stopped(dataset_root, tmp_path):
     assert [line.split(",")[0] for line in logs[0]] == [line.split(",")[0] for line in logs[1]]
 
 
-@pytest.fixture
-def interruptible():
-    """A shell starts what runs in its background with interrupts ignored: not so here."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_a_step_that_is_interrupted_is_taken_whole(stop, dataset_root, tmp_path, monkeypatch):

@@ -34,23 +34,6 @@ bool is_undistorted(const double* coefficients, int count) {
   return std::all_of(coefficients, coefficients + count, [](double value) { return value == 0.0; });
 }
 
-bool stands_rectified(const endo_calibration& rig) {
-  const double* t = rig.translation;
-  const double baseline = norm({t[0], t[1], t[2]});
-  bool parallel = true;
-  for (int i = 0; i < 9; ++i) {
-    parallel = parallel && std::fabs(rig.rotation[i] - (i % 4 == 0 ? 1.0 : 0.0)) <= rectified_tolerance;
-  }
-  const bool sideways = std::max(std::fabs(t[1]), std::fabs(t[2])) <= rectified_tolerance * baseline;
-  bool equal_rows = true;
-  for (const int at : {0, 4, 5}) {  // fx, fy, cy
-    const double difference = std::fabs(rig.left_matrix[at] - rig.right_matrix[at]);
-    equal_rows = equal_rows && difference <= rectified_tolerance * rig.left_matrix[0];
-  }
-  return is_undistorted(rig.left_distortion, rig.left_distortion_count) &&
-         is_undistorted(rig.right_distortion, rig.right_distortion_count) && parallel && sideways && equal_rows;
-}
-
 // A rectified rig keeps its own cameras.
 Rectification keep_views(const endo_calibration& rig) {
   const auto widen = [](const double* k, double shift) {
@@ -117,6 +100,23 @@ endo_calibration identity_numbers(Size size) {
 }
 
 }  // namespace
+
+bool stands_rectified(const endo_calibration& rig) {
+  const double* t = rig.translation;
+  const double baseline = norm({t[0], t[1], t[2]});
+  bool parallel = true;
+  for (int i = 0; i < 9; ++i) {
+    parallel = parallel && std::fabs(rig.rotation[i] - (i % 4 == 0 ? 1.0 : 0.0)) <= rectified_tolerance;
+  }
+  const bool sideways = std::max(std::fabs(t[1]), std::fabs(t[2])) <= rectified_tolerance * baseline;
+  bool equal_rows = true;
+  for (const int at : {0, 4, 5}) {  // fx, fy, cy
+    const double difference = std::fabs(rig.left_matrix[at] - rig.right_matrix[at]);
+    equal_rows = equal_rows && difference <= rectified_tolerance * rig.left_matrix[0];
+  }
+  return is_undistorted(rig.left_distortion, rig.left_distortion_count) &&
+         is_undistorted(rig.right_distortion, rig.right_distortion_count) && parallel && sideways && equal_rows;
+}
 
 RectifiedGeometry RectifiedGeometry::scaled(Size target) const {
   const double x = static_cast<double>(target.width) / size.width;

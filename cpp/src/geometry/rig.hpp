@@ -27,6 +27,9 @@ struct RectifiedGeometry {
   RectifiedGeometry scaled(Size target) const;
 };
 
+// Whether pictures of a rig need no rectification: no distortion, parallel axes, equal rows and focal length.
+bool stands_rectified(const endo_calibration& rig);
+
 // One checked rig. The rules are those of the Python package, so that both accept the same numbers.
 class Rig {
  public:

@@ -21,9 +21,7 @@ constexpr const char* max_candidate_disparity_key = "max_candidate_disparity";
 constexpr const char* inference_width_key = "inference_width";
 constexpr const char* upsampling_key = "upsampling";
 
-constexpr const char* format_version = "1";
-const std::string prefix = "endosdk.";
-
+const std::string prefix = model_key_prefix;
 
 void check_content(ModelFile& model, const ModelProof& proof) {
   model.sha256 = sha256(model.data.data(), model.data.size());
@@ -120,8 +118,8 @@ ModelFile copy_model(const void* data, size_t size, const ModelProof& proof) {
 
 ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256) {
   const std::string format = required(lookup, "format_version");
-  require(format == format_version, ENDO_MODEL_METADATA, "endosdk.format_version",
-          std::string("this release reads format ") + format_version, in_quotes(format));
+  require(format == model_format_version, ENDO_MODEL_METADATA, "endosdk.format_version",
+          std::string("this release reads format ") + model_format_version, in_quotes(format));
   const std::string order = required(lookup, "channel_order");
   require(order == "rgb", ENDO_MODEL_METADATA, "endosdk.channel_order", "must be rgb", in_quotes(order));
   ModelInfo info;

@@ -10,6 +10,9 @@
 
 namespace endosdk {
 
+constexpr const char* model_key_prefix = "endosdk.";  // of the metadata keys that are ours
+constexpr const char* model_format_version = "1";
+
 struct ModelFile {
   std::vector<char> data;
   std::string origin;

@@ -42,9 +42,6 @@ if TYPE_CHECKING:
 
 MODELS = get_args(CameraModel)
 
-# Two cameras closer to parallel than this differ by less than 0.002 px at 2000 px from the principal point.
-RECTIFIED_TOLERANCE = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class StereoCalibration:
@@ -178,15 +175,13 @@ class StereoCalibration:
     @property
     def is_rectified(self) -> bool:
         """Whether pictures of this rig need no rectification: no distortion, parallel axes, equal rows and focal."""
-        undistorted = not self.left_distortion.any() and not self.right_distortion.any()
-        parallel = np.abs(self.rotation - np.eye(3)).max() <= RECTIFIED_TOLERANCE
-        sideways = np.abs(self.translation[1:]).max() <= RECTIFIED_TOLERANCE * self.baseline_mm
-        return bool(undistorted and parallel and sideways and self._equal_focal_and_rows())
+        return _core.is_rectified(self.numbers())
 
-    def _equal_focal_and_rows(self) -> bool:
-        left, right = self.left_matrix, self.right_matrix
-        entries = ((0, 0), (1, 1), (1, 2))
-        return all(abs(left[at] - right[at]) <= RECTIFIED_TOLERANCE * left[0, 0] for at in entries)
+    def numbers(self) -> tuple[Any, ...]:
+        """Return the rig as the core takes it."""
+        left, right = (self.left_matrix, self.left_distortion), (self.right_matrix, self.right_distortion)
+        fields = (field or (0.0, 0.0, 0.0, 0.0) for field in (self.left_field_of_view, self.right_field_of_view))
+        return self.model, self.width, self.height, *left, *right, self.rotation, self.translation, *fields
 
     def content(self) -> dict[str, Any]:
         """Return every field as JSON values; what `sha256` is taken of and `save` writes."""
@@ -281,30 +276,9 @@ class StereoCalibration:
         resampled. ``alpha`` 0 keeps only pixels that both sources cover, 1 keeps every source pixel, -1 leaves the
         choice to OpenCV's rule. A pair that is already rectified stays as it is.
         """
-        zoom = check_alpha(alpha)
-        if self.is_rectified:
-            geometry = self._identity_geometry()
-        else:
-            left_turn, right_turn, left_view, right_view = _core.stereo_rectify(
-                self.model,
-                self.left_matrix,
-                self.left_distortion,
-                self.right_matrix,
-                self.right_distortion,
-                self.rotation,
-                self.translation,
-                self.width,
-                self.height,
-                zoom,
-            )
-            geometry = RectifiedGeometry(left_turn, right_turn, left_view, right_view, self.width, self.height)
+        left_turn, right_turn, left_view, right_view = _core.rig_geometry(self.numbers(), check_alpha(alpha))
+        geometry = RectifiedGeometry(left_turn, right_turn, left_view, right_view, self.width, self.height)
         return geometry if size is None else geometry.scaled(*check_size("size", size))
-
-    def _identity_geometry(self) -> RectifiedGeometry:
-        left = np.hstack([self.left_matrix, np.zeros((3, 1))])
-        right = np.hstack([self.right_matrix, np.zeros((3, 1))])
-        right[0, 3] = right[0, 0] * self.translation[0]
-        return RectifiedGeometry(np.eye(3), np.eye(3), left, right, self.width, self.height)
 
 
 def _camera(matrix: Matrix, distortion: Matrix, field: Ellipse | None) -> dict[str, Any]:

@@ -60,13 +60,21 @@ class SgbmBaseline:
 
     def compute(self, left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8]) -> FloatMap:
         """Disparity, px, float32 [H, W] of a rectified RGB pair uint8 [H, W, 3]; NaN where it gives no answer."""
-        import cv2
+        return matched(self._matcher, left, right, self.settings.max_disparity)
 
-        if left.shape[1] <= self.settings.max_disparity:
-            raise InvalidArgument("left", f"must be wider than {self.settings.max_disparity} px", left.shape[1])
-        gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (left, right)]
-        fixed = self._matcher.compute(*gray)
-        return np.where(fixed > 0, fixed.astype(np.float32) / 16, np.float32(np.nan)).astype(np.float32)
+
+def matched(matcher: Any, left: npt.NDArray[np.uint8], right: npt.NDArray[np.uint8], max_disparity: int) -> FloatMap:
+    """Return what a matcher of OpenCV that searches so many px finds in a rectified RGB pair: `SgbmBaseline.compute`.
+
+    Raises InvalidArgument for pictures that are narrower than the search.
+    """
+    import cv2
+
+    if left.shape[1] <= max_disparity:
+        raise InvalidArgument("left", f"must be wider than {max_disparity} px", left.shape[1])
+    gray = [cv2.cvtColor(view, cv2.COLOR_RGB2GRAY) for view in (left, right)]
+    fixed = matcher.compute(*gray)
+    return np.where(fixed > 0, fixed.astype(np.float32) / 16, np.float32(np.nan)).astype(np.float32)
 
 
 def fill_holes(disparity: FloatMap) -> FloatMap:

@@ -13,7 +13,6 @@ from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.arguments import check_numbers
-from endosdk.runtime.rectify import rig_numbers
 
 Matrix = npt.NDArray[np.float64]
 Side = Literal["left", "right"]
@@ -68,7 +67,7 @@ def valid_region(calibration: StereoCalibration, alpha: float = 0.0) -> tuple[in
 
 def _pixel_map(calibration: StereoCalibration, alpha: float) -> _core.PixelMap:
     calibration.rectification(alpha=alpha)  # refuses what is no alpha
-    return _core.PixelMap(rig_numbers(calibration), alpha)
+    return _core.PixelMap(calibration.numbers(), alpha)
 
 
 def _is_right(side: Side) -> bool:

@@ -30,7 +30,6 @@ from endosdk.runtime.limits import EVERY_DEPTH, Limits
 from endosdk.runtime.maps import MapMemory, Maps
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.providers import checked_options, installed_provider
-from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.result import DepthResult, Timings
 from endosdk.runtime.rig_error import rig_error
 from endosdk.runtime.session import StereoSession, load_runtime
@@ -134,7 +133,7 @@ class DepthEstimator:
         self._geometry = None
         if calibration is not None:
             self._geometry = calibration.rectification()
-            self._path.set_calibration(rig_numbers(calibration))
+            self._path.set_calibration(calibration.numbers())
         self._memory = MapMemory(calibrated=self._geometry is not None)
 
     def __repr__(self) -> str:

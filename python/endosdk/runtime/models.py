@@ -15,7 +15,6 @@ from endosdk import _core
 from endosdk.errors import InvalidArgument, ModelHashMismatch, ModelMetadata, ModelNotFound, ModelUnreadable
 from endosdk.io.bounded_read import Refused, is_there, read_bounded
 
-PREFIX = "endosdk."
 LARGEST_MODEL = 2**31  # bytes; a file of ONNX can hold no more
 
 
@@ -114,7 +113,7 @@ def parse_metadata(metadata: Mapping[str, str], sha256: str) -> ModelInfo:
     try:
         fields["training"] = json.loads(fields["training"])
     except (ValueError, RecursionError) as error:
-        raise ModelMetadata(PREFIX + "training", "must be JSON", error) from error
+        raise ModelMetadata(_core.model_key_prefix + "training", "must be JSON", error) from error
     return ModelInfo(**fields)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from endosdk import _core
 from endosdk.errors import InvalidArgument
 from endosdk.io.folders import made_folder
 from endosdk.io.names import RULE, is_plain_name
@@ -51,7 +52,7 @@ def _configuration(session: StereoSession, info: ModelInfo) -> str:
         "max_candidate_disparity": info.max_candidate_disparity,
     }
     parameters = [
-        f'parameters {{ key: "endosdk.{key}" value {{ string_value: {_quoted(str(value))} }} }}'
+        f'parameters {{ key: "{_core.model_key_prefix}{key}" value {{ string_value: {_quoted(str(value))} }} }}'
         for key, value in facts.items()
         if value is not None
     ]

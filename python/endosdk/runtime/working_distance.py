@@ -7,7 +7,6 @@ import math
 from endosdk import _core
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.runtime.models import read_model, shipped_models
-from endosdk.runtime.rectify import rig_numbers
 from endosdk.runtime.session import StereoSession
 
 
@@ -20,6 +19,6 @@ def nearest_depths(calibration: StereoCalibration) -> dict[str, float | None]:
     for name in shipped_models():
         info = StereoSession(read_model(name)).info
         end, width = info.max_candidate_disparity or 0, info.inference_width or 0
-        nearest = _core.nearest_depth_mm(rig_numbers(calibration), end, width)
+        nearest = _core.nearest_depth_mm(calibration.numbers(), end, width)
         depths[name] = None if math.isnan(nearest) else nearest
     return depths

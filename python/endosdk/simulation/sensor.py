@@ -92,6 +92,13 @@ def _develop(rng: np.random.Generator, light: Array, sensor: Sensor, blur_px: fl
     picture += grain * (sensor.noise + sensor.shot_noise * np.sqrt(np.clip(picture, 0, 255) / 255.0))
     coded = np.clip(picture + 0.5, 0, 255).astype(np.uint8)
     if sensor.jpeg_quality:
-        _, packed = cv2.imencode(".jpg", coded[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])
-        coded = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+        coded = as_jpeg(coded, sensor.jpeg_quality)
     return np.ascontiguousarray(coded)
+
+
+def as_jpeg(picture: Picture, quality: int) -> Picture:
+    """Return an RGB picture as it comes out of a JPEG of this quality, 0 to 100."""
+    import cv2
+
+    _, packed = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.ascontiguousarray(np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)[..., ::-1])

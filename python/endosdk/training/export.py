@@ -21,7 +21,6 @@ from endosdk.training.model_file import write_model
 from endosdk.training.networks.base import Deployed, StereoNetwork
 from endosdk.training.outline import outline_functions
 
-FORMAT_VERSION = "1"
 OPSET = 18  # the one that torch's exporter writes without conversion; every runtime we support reads it
 TRACE_SIZE = (96, 160)  # height, width of the example input; the file accepts any multiple of input_multiple
 MOST_STEPS = 2**12  # the exporter wants a limit on how many steps high and wide a frame may be
@@ -128,7 +127,7 @@ def _name_sizes(model: onnx.ModelProto, stride: int) -> None:
 def _metadata(deployed: Deployed, info: ModelDescription) -> dict[str, str]:
     network = deployed.network
     entries = {
-        "format_version": FORMAT_VERSION,
+        "format_version": _core.model_format_version,
         "name": info.name,
         "version": info.version,
         "input_multiple": str(network.input_multiple),
@@ -146,4 +145,4 @@ def _metadata(deployed: Deployed, info: ModelDescription) -> dict[str, str]:
     ):
         if value is not None:
             entries[key] = str(value)
-    return {f"endosdk.{key}": value for key, value in entries.items()}
+    return {_core.model_key_prefix + key: value for key, value in entries.items()}

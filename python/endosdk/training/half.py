@@ -12,6 +12,7 @@ from onnx import TensorProto
 from onnxruntime.transformers.float16 import DEFAULT_OP_BLOCK_LIST, convert_float_to_float16
 from onnxruntime.transformers.onnx_model import OnnxModel
 
+from endosdk.training.model_file import properties_of
 from endosdk.training.outline import inline_functions
 
 EXACT = ["Softmax", "MatMul", "Log", "Exp", "Resize", "ReduceMax", "ReduceSum", "Clip", "MaxPool", "Cast"]
@@ -20,7 +21,7 @@ EXACT = ["Softmax", "MatMul", "Log", "Exp", "Resize", "ReduceMax", "ReduceSum", 
 def halved(model: onnx.ModelProto) -> onnx.ModelProto:
     """Return the 16-bit form of a float model; the model given is used up."""
     model = inline_functions(model)
-    properties = {entry.key: entry.value for entry in model.metadata_props}
+    properties = properties_of(model)
     half: onnx.ModelProto = convert_float_to_float16(
         model,
         keep_io_types=True,

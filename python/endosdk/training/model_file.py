@@ -11,6 +11,11 @@ from endosdk.io.folders import made_folder
 from endosdk.io.whole_files import whole_file
 
 
+def properties_of(model: onnx.ModelProto) -> dict[str, str]:
+    """Return the metadata of a model by its keys, ours and those of others."""
+    return {entry.key: entry.value for entry in model.metadata_props}
+
+
 def write_model(model: onnx.ModelProto, path: Path) -> None:
     """Write the model, sealed, as bytes that depend on nothing but itself; the folder is made. Raises StorageFailed."""
     made_folder(path.parent, "path")

@@ -21,16 +21,17 @@ from numpy.typing import NDArray
 from onnx import numpy_helper
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 
+from endosdk import _core
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.io.progress import progress
 from endosdk.training.byte_functions import compute_with_bytes, users_of
 from endosdk.training.frame_size import seen_size, seen_views
 from endosdk.training.integer_steps import LEAST_CHANNELS, convolution_steps, unsaturated_steps
-from endosdk.training.model_file import write_model
+from endosdk.training.model_file import properties_of, write_model
 from endosdk.training.ranges import MOVES, VOLUME, Step, ranges_of
 
-PREFIX = "endosdk."
+PREFIX = _core.model_key_prefix
 
 Names = dict[str, onnx.NodeProto]
 
@@ -40,7 +41,7 @@ def quantize_model(source: Path, out: Path, reader: DatasetReader, indices: Sequ
     if not indices:
         raise InvalidArgument("indices", "must name at least one pair to measure ranges on", "none")
     model = onnx.load(source)
-    properties = _properties(model)
+    properties = properties_of(model)
     _quantize(source, model, out, _Frames(reader, indices, properties), {}, len(indices))
 
 
@@ -59,13 +60,9 @@ def quantize_like(source: Path, out: Path, before: onnx.ModelProto) -> None:
     """
     model = onnx.load(source)
     ranges = ranges_of(before.graph, model.graph, _quantised_nodes(model.graph))
-    pairs = json.loads(_properties(before).get(PREFIX + "training", "{}")).get("quantisation", {}).get("pairs", 0)
-    blank = _Blank(int(_properties(model)[PREFIX + "input_multiple"]))
+    pairs = json.loads(properties_of(before).get(PREFIX + "training", "{}")).get("quantisation", {}).get("pairs", 0)
+    blank = _Blank(int(properties_of(model)[PREFIX + "input_multiple"]))
     _quantize(source, model, out, blank, ranges, pairs)
-
-
-def _properties(model: onnx.ModelProto) -> dict[str, str]:
-    return {entry.key: entry.value for entry in model.metadata_props}
 
 
 def _quantize(
@@ -76,7 +73,7 @@ def _quantize(
     ranges: dict[str, Step],
     pairs: int,
 ) -> None:
-    properties = _properties(model)
+    properties = properties_of(model)
     chosen = _quantised_nodes(model.graph)
     steps = _weight_steps(model.graph, chosen)
     ranges = ranges | _bytes_of_pictures(model.graph, chosen)
@@ -117,7 +114,7 @@ def _quantize(
 def describe_quantised(path: Path, name: str, test: dict[str, Any]) -> None:
     """Give the 8-bit file its own name and the scores it has itself reached on a test split."""
     model = onnx.load(path)
-    properties = {entry.key: entry.value for entry in model.metadata_props}
+    properties = properties_of(model)
     training = {**json.loads(properties[PREFIX + "training"]), "test": test}
     properties |= {
         PREFIX + "name": name,

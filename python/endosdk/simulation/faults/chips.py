@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from endosdk.simulation.effects import subsample_chroma
 from endosdk.simulation.noise import Array
+from endosdk.simulation.sensor import as_jpeg
 
 Picture = NDArray[np.uint8]
 SEEN_AT_PX = 480  # width of picture for which lengths in px are given
@@ -129,6 +130,5 @@ def process(picture: Array, processor: Processor) -> Picture:
     if processor.chroma:
         coded = subsample_chroma(coded)
     if processor.jpeg_quality:
-        _, packed = cv2.imencode(".jpg", coded[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, processor.jpeg_quality])
-        coded = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+        coded = as_jpeg(coded, processor.jpeg_quality)
     return np.ascontiguousarray(coded)
