@@ -27,7 +27,7 @@ from endosdk.live.sources.source import Source, SourceOptions
 from endosdk.live.sources.v4l2 import Device, lost_between, simultaneous
 from endosdk.live.sources.video_input import Piped
 from endosdk.live.sources.views import split, ways_to_split
-from tests.conftest import TINY_MODEL, shifted_pair
+from tests.conftest import TINY_MODEL, noisy, shifted_pair, textured_picture
 from tests.live.videos import RATE, side_by_side, views, write
 
 PAIRS = views(5)
@@ -358,6 +358,19 @@ def test_frames_of_a_live_source_have_an_age():
 
 def test_frames_of_a_file_have_none():
     assert {result.age_ms for result in DepthEstimator(str(TINY_MODEL), threads=1).stream(Wall("bag"))} == {None}
+
+
+def test_a_video_that_is_closed_early_never_waits_for_its_decoder(tmp_path):
+    """Threads that decode may have something to log while the one that closes the file holds Python's lock."""
+    views = [textured_picture(360, 960, seed) for seed in range(2)]  # motion and noise: much for a decoder to do
+    film = [noisy(np.roll(views[number % 2], 4 * number, axis=1), 12, number) for number in range(40)]
+    path = write(tmp_path / "film.mp4", film, "libx264", "yuv420p")
+    code = (
+        "import sys, endosdk\n"
+        "for _ in range(60):\n"
+        "    with endosdk.open_source(sys.argv[1]) as source: next(iter(source))"
+    )
+    subprocess.run([sys.executable, "-c", code, path], check=True, timeout=60)
 
 
 class Fast(Source):

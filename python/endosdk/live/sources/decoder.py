@@ -40,15 +40,14 @@ def load_av() -> Any:
         import av
     except ImportError as error:
         raise DependencyMissing("source", f"needs PyAV, which {must_install('live')}", error) from error
-    av.logging.set_level(av.logging.PANIC)  # what matters is raised or noted
+    # PyAV's log stays off, as it is by itself. At any level, a thread that decodes would wait for Python's lock to log,
+    # while the thread that closes the file holds the lock and waits for it.
     return av
 
 
 def reason_of(error: Exception) -> str:
     """Return what an error of FFmpeg says, without PyAV's numbers."""
-    said = getattr(error, "strerror", None) or str(error)
-    last = getattr(error, "log", None)  # level, component, message
-    return f"{said} ({last[2].strip()})" if last else said
+    return str(getattr(error, "strerror", None) or error)
 
 
 class Counted:
