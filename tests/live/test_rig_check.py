@@ -76,7 +76,22 @@ def test_only_turns_that_chance_does_not_explain_move_a_rig() -> None:
     assert not check.fits
     assert not replace(check, drifted=False).fits
     assert replace(check, drifted=False, causes={}).fits
-    assert not replace(check, drifted=False, causes={"NOT_RECTIFIED": 1}).fits
+    for cause, lenses_fit in (("NOT_RECTIFIED", True), ("SCALES_DIFFER", False), ("DISTORTED", False)):
+        found = replace(check, drifted=False, causes={cause: 1})
+        assert not found.fits and found.lenses_fit is lenses_fit
+        assert replace(found, frames=2).fits
+
+
+def test_a_wrong_focal_length_is_no_turn(footage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rows that grow with their height come from the scale of one view. No turn of a camera makes them fit."""
+    right = RIG.right_matrix * [[1.01], [1.01], [1.0]]
+    replace(RIG.turned(ROTATION), right_matrix=right).save(tmp_path / "rig.json")
+    words = [str(tmp_path / "rig.json"), str(footage)]
+    assert main(["calibrate", "check", *words]) == 1
+    assert "lens or scale is not what the calibration states" in capsys.readouterr().out
+    assert main(["calibrate", "refine", *words, "--out", str(tmp_path / "new.json")]) == 1
+    assert "no rotation makes the views fit: nothing was written" in capsys.readouterr().out
+    assert not (tmp_path / "new.json").exists()
 
 
 def test_a_source_without_tissue_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -113,6 +113,9 @@ def _watch(args: argparse.Namespace, report: Report) -> int:
     refined, before, after = refine_rig(calibration, frames, args.model)
     _report_check(report, "before", before)
     _report_check(report, "after", after)
+    if not after.lenses_fit:
+        report.line("unchanged   no rotation makes the views fit: nothing was written")
+        return report.end(usable=False)
     if refined is calibration:
         report.line("unchanged   the frames show no rotation that a correction would make smaller: nothing was written")
         return report.end(usable=before.fits)
@@ -137,6 +140,8 @@ def _report_check(report: Report, name: str, check: RigCheck) -> None:
         )
     if check.fits:
         verdict = "the rig fits its calibration"
+    elif not check.lenses_fit:
+        verdict = "in most frames, lens or scale is not what the calibration states: calibrate again"
     elif check.drifted:
         verdict = "the rig has moved since its calibration: run endosdk calibrate refine, or calibrate again"
     else:

@@ -15,7 +15,8 @@ from endosdk.live.frames import Frame
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.rig_error import Angles, RigError
 
-MISFITS = (_core.Cause.RIG_MOVED, _core.Cause.NOT_RECTIFIED)
+OF_LENSES = (_core.Cause.SCALES_DIFFER, _core.Cause.DISTORTED)  # what no turn of a camera mends
+MISFITS = (_core.Cause.RIG_MOVED, _core.Cause.NOT_RECTIFIED, *OF_LENSES)
 PASSES = 2  # of a correction: the second one finds what the first left
 
 
@@ -43,8 +44,15 @@ class RigCheck:
     @property
     def fits(self) -> bool:
         """Whether the rig was measured, and neither the frames together nor most of them say that it does not fit."""
-        against = max((self.causes.get(cause.name, 0) for cause in MISFITS), default=0)
-        return self.measured > 0 and not self.drifted and 2 * against <= self.frames
+        return self.measured > 0 and not self.drifted and not self._in_most_frames(MISFITS)
+
+    @property
+    def lenses_fit(self) -> bool:
+        """Whether most frames agree with the lens parameters and the scales that the calibration states."""
+        return not self._in_most_frames(OF_LENSES)
+
+    def _in_most_frames(self, causes: tuple[_core.Cause, ...]) -> bool:
+        return any(2 * self.causes.get(cause.name, 0) > self.frames for cause in causes)
 
 
 def check_rig(calibration: StereoCalibration, frames: Iterable[Frame], model: str = "fast") -> RigCheck:
@@ -77,7 +85,12 @@ def check_rig(calibration: StereoCalibration, frames: Iterable[Frame], model: st
 def refine_rig(
     calibration: StereoCalibration, frames: list[Frame], model: str = "fast"
 ) -> tuple[StereoCalibration, RigCheck, RigCheck]:
-    """Return the corrected calibration, what was found before, and what the frames tell of the corrected rig."""
+    """Return the corrected calibration, what was found before, and what the frames tell of the corrected rig.
+
+    The calibration is returned as it is where a turn makes no frame's rows fit better, or where the lenses do not fit:
+    the turn would only hide that.
+    """
+    given = calibration
     before = after = check_rig(calibration, frames, model)
     if not before.measured:
         rule = "must show tissue that can be measured in at least one pair"
@@ -92,4 +105,4 @@ def refine_rig(
         if not found.vertical_disparity_px < after.vertical_disparity_px:
             break
         calibration, after = corrected, found
-    return calibration, before, after
+    return calibration if after.lenses_fit else given, before, after
