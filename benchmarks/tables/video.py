@@ -14,6 +14,7 @@ def temporal_table() -> str:
     rows = [
         ["the scene stands still", still["flicker_ratio"], still["jump_ratio"], still["error_ratio"]],
         ["flight", None, flight["jump_ratio"], flight["error_ratio"]],
+        ["flight, every fourth frame", None, None, flight["error_ratio_quick"]],
         ["flight with a moving tool", None, tool["jump_ratio"], tool["error_ratio"]],
         ["beside the tool", None, tool["jump_ratio_beside_the_tool"], None],
         ["on the tool", None, tool["jump_ratio_on_the_tool"], None],

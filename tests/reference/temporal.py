@@ -167,7 +167,8 @@ class TemporalFilter:
             reach = np.clip(3 * np.sort(np.abs(left))[left.size // 2], 0.01, 3)
             kept = shares * np.maximum(0, 1 - (left / reach) ** 2) ** 2
             found = np.linalg.solve(terms.T @ (terms * kept[:, None]) + np.eye(5), terms.T @ (kept * target))
-        change = self.rate + 0.5 * found
+        square = (shares * (terms @ found) ** 2).sum() / shares.sum()
+        change = self.rate + max(0.5, square / (square + 0.06**2)) * found
         self.rate = self.rate + 0.3 * found
         return camera_terms(moved, x, y) @ change
 
@@ -239,7 +240,6 @@ def change_nearby(moved: Array, difference: Array, gate: Array, error: Array) ->
     share = np.where((total > 0) & (parts[0] > 0), ramp(apart, 2, 4), 0)
     total, change, noise = ((share * part).sum(axis=0) for part in (total, change, noise))
     change, limit = change / (total + 4), 0.1 * noise / (total + 4)
-    usual = np.sort(np.abs(change), axis=None)[change.size // 2]
-    change = np.sign(change) * np.maximum(0, np.abs(change) - np.maximum(limit, 3 * usual))
+    change = np.sign(change) * np.maximum(0, np.abs(change) - limit)
     y, x = np.mgrid[:h, :w]
     return sample(change, (x + 0.5) / 8 - 0.5, (y + 0.5) / 8 - 0.5)

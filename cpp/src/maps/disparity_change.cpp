@@ -25,14 +25,15 @@ constexpr float least_weight = 8.0f;                     // blocks below are not
 constexpr double fit_ridge = 1.0;
 constexpr float leverage = 5.0f;
 
-// An alpha-beta filter makes the rate follow the fit, so that a noisy fit changes the rate little.
+// An alpha-beta filter makes the rate follow the fit, so that a noisy fit changes the rate little. In still scenes fits are
+// 0.02 px in size, by noise alone. A change far above `fit_noise` is a motion that the rate did not foresee, after frames that
+// were left out for example. It counts in full.
 constexpr float change_gain = 0.5f, rate_gain = 0.3f;
+constexpr float fit_noise = 0.06f;  // network pixels
 
 // Neighbouring blocks of one surface may share a difference, such as that of a tool that comes nearer. It counts as a change as
-// far as it exceeds both limits: this share of the expected error, and this multiple of the usual difference in the frame. The
-// part below is taken for noise.
+// far as it exceeds this share of the expected error. The part below is taken for noise.
 constexpr float shared_share = 0.1f;
-constexpr float unusual = 3.0f;
 constexpr float same_surface = 2.0f;  // network pixels between two blocks; blocks twice as far apart share nothing
 constexpr float block_ridge = 4.0f;  // cells with an error of 1: blocks in which few cells agree change little
 
@@ -86,9 +87,11 @@ void DisparityChange::follow_camera(MutableFloatView moved) {
     return;
   }
   const Terms found = fitted_change();
+  const float square = mean_square(found);
+  const float gain = std::max(change_gain, square / (square + fit_noise * fit_noise));
   Terms change{};
   for (size_t i = 0; i < terms; ++i) {
-    change[i] = rate_[i] + change_gain * found[i];
+    change[i] = rate_[i] + gain * found[i];
     rate_[i] += rate_gain * found[i];
   }
   const auto add_rows = [&](int begin, int end, int) {
@@ -100,6 +103,17 @@ void DisparityChange::follow_camera(MutableFloatView moved) {
     }
   };
   parallel_for(moved.height, rows_per_task, add_rows);
+}
+
+// Mean square of a change over the samples.
+float DisparityChange::mean_square(const Terms& change) const {
+  float squares = 0.0f, weights = 0.0f;
+  for (const Sample& one : samples_) {
+    const float value = sum(change, one.values);
+    squares += one.weight * value * value;
+    weights += one.weight;
+  }
+  return squares / weights;
 }
 
 // The change that the samples share, beyond the rate.
@@ -133,19 +147,14 @@ DisparityChange::Terms DisparityChange::fitted_change() {
 
 void DisparityChange::follow_tools(MutableFloatView moved) {
   changes_.resize(blocks_.size());
-  limits_.resize(blocks_.size());
   for (int y = 0; y < grid_.height; ++y) {
     for (int x = 0; x < grid_.width; ++x) {
       const Block around = sums_around(x, y);
       const auto i = static_cast<size_t>(y * grid_.width + x);
-      changes_[i] = around.difference / (around.weight + block_ridge);
-      limits_[i] = shared_share * around.error / (around.weight + block_ridge);
+      const float shared = around.difference / (around.weight + block_ridge);
+      const float noise = shared_share * around.error / (around.weight + block_ridge);
+      changes_[i] = std::copysign(std::max(0.0f, std::abs(shared) - noise), shared);
     }
-  }
-  const float limit = unusual * median_size(changes_);
-  for (size_t i = 0; i < changes_.size(); ++i) {
-    const float above = std::max(0.0f, std::abs(changes_[i]) - std::max(limits_[i], limit));
-    changes_[i] = std::copysign(above, changes_[i]);
   }
   const Size size = {moved.width, moved.height};
   const auto add_rows = [&](int begin, int end, int) {

@@ -54,6 +54,7 @@ class DisparityChange {
   void sum_blocks(const ChangingMaps& maps, const FloatView& moved);
   void follow_camera(MutableFloatView moved);
   Terms fitted_change();
+  float mean_square(const Terms& change) const;
   void follow_tools(MutableFloatView moved);
   Block sums_around(int x, int y) const;
   float median_size(const std::vector<float>& values);
@@ -64,7 +65,6 @@ class DisparityChange {
   std::vector<Sample> samples_;
   std::vector<float> left_over_;  // residual of the fit, per sample
   std::vector<float> changes_;    // change of the neighbourhood, per block
-  std::vector<float> limits_;     // changes below are noise, per block
   std::vector<float> sorted_;
 };
 
