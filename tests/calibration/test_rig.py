@@ -17,6 +17,7 @@ import pytest
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, InvalidCalibration
+from endosdk.measure import rectified_to_raw
 from tests.conftest import ROOT
 from tests.rigs import fisheye_rig, raw_rig, rig_fields, rotation
 
@@ -255,6 +256,20 @@ def test_rectification_equals_opencv(alpha: float) -> None:
     geometry = rig.rectification(alpha=alpha)
     for ours, theirs in zip((geometry.R1, geometry.R2, geometry.P1, geometry.P2), expected, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "window", [(0, 0, 640, 240), (0, 240, 640, 240), (0, 0, 320, 480), (320, 0, 320, 480), (0, 0, 200, 150)]
+)
+def test_a_cropped_rig_shows_about_what_the_window_shows(window: tuple[int, int, int, int]) -> None:
+    """OpenCV enlarges about the principal point: many times, where that lies near an edge of the picture."""
+    rig = raw_rig().cropped(*window)
+    geometry = rig.rectification()
+    assert 0.8 < geometry.focal_px / raw_rig().rectification().focal_px < 1.5
+    corners = [(x, y) for x in (0, window[2] - 1) for y in (0, window[3] - 1)]
+    for right in (False, True):
+        raw = rectified_to_raw(rig, corners, side="right" if right else "left")
+        assert (np.abs(raw - np.clip(raw, 0, [window[2] - 1, window[3] - 1])) < 1).all()
 
 
 @pytest.mark.parametrize("alpha", [1.5, -0.5, 10**400, float("nan"), "0", None])

@@ -94,23 +94,51 @@ std::array<double, 4> enlargements(const Bounds& bounds, Point centre, int width
           (width - 1 - centre.x) / (bounds.right - centre.x), (height - 1 - centre.y) / (bounds.bottom - centre.y)};
 }
 
+// OpenCV enlarges the picture about the principal point until both views fill it. Near an edge of the picture, as in frames that
+// were cropped, this enlarges them many times, and outside the picture it cannot work. Beyond this factor the principal point
+// is moved instead.
+constexpr double most_enlarged = 1.5;
+
+struct Fit {
+  double enlarged;
+  Point centre;
+};
+
+// Fills the picture with the middle of what both views have in common. Enlarges by 0 if they have nothing in common.
+Fit fill_with(const Bounds& common, Point centre, int width, int height) {
+  if (!(common.left < common.right && common.top < common.bottom)) return {0.0, centre};
+  const double s = std::max((width - 1) / (common.right - common.left), (height - 1) / (common.bottom - common.top));
+  return {s, {0.5 * (width - 1) + s * (centre.x - 0.5 * (common.left + common.right)),
+              0.5 * (height - 1) + s * (centre.y - 0.5 * (common.top + common.bottom))}};
+}
+
 Rectification rectify_pinhole(const StereoRig& rig, const Alignment& alignment, double alpha) {
   // The mean vertical focal length keeps the height of rows. Both views share one principal point.
   double focal = 0.5 * (rig.left.fy + rig.right.fy);
   const Point left = mean_corner(rig.left, alignment.left, rig.width, rig.height, focal);
   const Point right = mean_corner(rig.right, alignment.right, rig.width, rig.height, focal);
-  const Point centre = {0.5 * (rig.width - 1.0) - 0.5 * (left.x + right.x),
-                        0.5 * (rig.height - 1.0) - 0.5 * (left.y + right.y)};
+  Point centre = {0.5 * (rig.width - 1.0) - 0.5 * (left.x + right.x), 0.5 * (rig.height - 1.0) - 0.5 * (left.y + right.y)};
   if (alpha >= 0.0) {
     double crop = 0.0;
     double keep = std::numeric_limits<double>::max();
+    constexpr double far = std::numeric_limits<double>::max();
+    Bounds common = {-far, far, -far, far};
     for (bool second : {false, true}) {
       const Outline o = outline(second ? rig.right : rig.left, second ? alignment.right : alignment.left, rig.width,
                                 rig.height, focal, centre);
       for (double s : enlargements(o.inner, centre, rig.width, rig.height)) crop = std::max(crop, s);
       for (double s : enlargements(o.outer, centre, rig.width, rig.height)) keep = std::min(keep, s);
+      common = {std::max(common.left, o.inner.left), std::min(common.right, o.inner.right),
+                std::max(common.top, o.inner.top), std::min(common.bottom, o.inner.bottom)};
     }
-    focal *= crop * (1.0 - alpha) + keep * alpha;
+    const Fit fit = fill_with(common, centre, rig.width, rig.height);
+    const bool inside = centre.x > 0.0 && centre.x < rig.width - 1 && centre.y > 0.0 && centre.y < rig.height - 1;
+    if (alpha == 0.0 && fit.enlarged > 0.0 && (!inside || crop > std::max(most_enlarged, fit.enlarged))) {
+      focal *= fit.enlarged;
+      centre = fit.centre;
+    } else {
+      focal *= crop * (1.0 - alpha) + keep * alpha;
+    }
   }
   return {alignment.left, alignment.right, projection(focal, focal, centre, 0.0),
           projection(focal, focal, centre, alignment.baseline_x * focal)};
