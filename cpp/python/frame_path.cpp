@@ -234,6 +234,13 @@ py::dict measures_of(const Causes& causes, bool (Causes::*pick)(Cause) const) {
   return measures;
 }
 
+using IdentityTexts = std::array<std::string, 9>;
+
+IdentityTexts texts_of(const Identity& i) {
+  return {i.endosdk, i.model,          i.model_version, i.model_sha256, i.calibration_sha256,
+          i.runtime, i.runtime_sha256, i.provider,      i.device};
+}
+
 void bind_identity(py::module_& m) {
   py::class_<Identity>(m, "Identity", "What a result was computed with.")
       .def_readonly("endosdk", &Identity::endosdk)
@@ -245,12 +252,13 @@ void bind_identity(py::module_& m) {
       .def_readonly("runtime_sha256", &Identity::runtime_sha256)
       .def_readonly("provider", &Identity::provider)
       .def_readonly("device", &Identity::device)
+      .def("__eq__", [](const Identity& i, const Identity& other) { return texts_of(i) == texts_of(other); }, py::is_operator())
+      .def("__hash__", [](const Identity& i) { return py::hash(py::tuple(py::cast(texts_of(i)))); })
+      .def("__repr__",
+           [](const Identity& i) { return "Identity" + std::string(py::repr(py::tuple(py::cast(texts_of(i))))); })
       .def(py::pickle(
-          [](const Identity& i) {
-            return std::array{i.endosdk, i.model,          i.model_version, i.model_sha256, i.calibration_sha256,
-                              i.runtime, i.runtime_sha256, i.provider,      i.device};
-          },
-          [](const std::array<std::string, 9>& s) { return Identity{s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]}; }));
+          &texts_of,
+          [](const IdentityTexts& s) { return Identity{s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]}; }));
 }
 
 void bind_report(py::module_& m) {

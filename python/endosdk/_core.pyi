@@ -395,7 +395,10 @@ class FrameReport:
     def identity(self) -> Identity: ...
 
 class Identity:
-    """What a result was computed with: versions, hashes, provider and processor. Empty where there is none."""
+    """What a result was computed with: versions, hashes, provider and processor. Empty where there is none.
+
+    Two are equal where all of these are.
+    """
 
     @property
     def endosdk(self) -> str: ...

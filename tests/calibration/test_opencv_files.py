@@ -18,6 +18,8 @@ SPELLINGS = {
     "M1 D1": ("M1", "D1", "M2", "D2", "R", "T"),
     "cameraMatrix1": ("cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2", "R", "T"),
     "mtxL distL": ("mtxL", "distL", "mtxR", "distR", "R", "T"),
+    "left_K": ("left_K", "left_D", "right_K", "right_D", "Rot", "Trns"),
+    "intrinsic_left": ("intrinsic_left", "distortion_left", "intrinsic_right", "distortion_right", "R", "T"),
     "left_distortion": ("left_camera_matrix", "left_distortion", "right_camera_matrix", "right_distortion", "R", "T"),
     "camera_matrix_left": (
         *("camera_matrix_left", "dist_coeffs_left", "camera_matrix_right", "dist_coeffs_right"),

@@ -53,7 +53,7 @@ def test_ros_messages_are_read_like_files(tmp_path: Path) -> None:
         content = [line.strip() for line in text.splitlines() if "rows" not in line and "cols" not in line]
         flat = "\n".join(content).replace(":\ndata:", ":")
         paths.append(tmp_path / f"{side}_message.yaml")
-        paths[-1].write_text(flat + "\n")
+        paths[-1].write_text(flat + "\n---\n")  # as `ros2 topic echo` ends a message
     np.testing.assert_allclose(load(paths).translation, RIG.translation, atol=1e-9)
 
 

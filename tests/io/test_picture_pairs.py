@@ -34,9 +34,28 @@ def test_the_number_of_the_camera_does_not_count(tmp_path):
 @pytest.mark.parametrize(
     ("left", "right"),
     [
-        # One picture on a side: which of its numbers is the camera's?
+        # The same names in both folders, whatever they are.
+        (["a.png", "b.png"], ["a.jpg", "b.jpg"]),
+        (["seqA_0001.png", "seqB_0001.png"], ["seqA_0001.png", "seqB_0001.png"]),
+        # One pair, which differs in the number of the camera.
         (["cam0_0007.png"], ["cam1_0007.png"]),
+    ],
+)
+def test_names_that_leave_no_doubt_are_paired(tmp_path, left, right):
+    found = [
+        (one.name, other.name)
+        for one, other in pair_pictures(files(tmp_path / "a", *left), files(tmp_path / "b", *right))
+    ]
+    assert found == list(zip(left, right, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        # One picture on a side: which of its numbers is the camera's?
         (["1.png"], ["2.png"]),
+        (["cam0_0007.png"], ["cam0_0008.png"]),
+        (["cam0_0007.png"], ["cam1_0008.png"]),
         # A number that changes on one side counts on both.
         (["run1_1.png", "run1_2.png"], ["run1_1.png", "run2_1.png"]),
         # Names of another build: which of three numbers are which of two?

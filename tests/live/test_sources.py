@@ -402,6 +402,15 @@ def test_newest_only_drops_and_counts():
     assert source.dropped == 100 - len(seen)
 
 
+def test_the_newest_frame_of_a_file_comes_when_it_is_due(tmp_path):
+    path = write(tmp_path / "film.mkv", side_by_side(PAIRS))
+    begun = time.monotonic()
+    with endosdk.open_source(path, queue="newest") as source:
+        assert [frame.number for frame in source] == [0, 1, 2, 3, 4]  # a reader that keeps up misses none
+    assert time.monotonic() - begun >= 4 / RATE
+    assert source.dropped == 0
+
+
 class Stalling(Source):
     """Frames that follow each other at once, but the first reader's third comes when ``go_on`` is set."""
 

@@ -37,6 +37,16 @@ def test_a_result_says_all_that_it_was_computed_with():
     assert hashlib.sha256(Path(report["onnxruntime_library"]).read_bytes()).hexdigest() == identity.runtime_sha256
 
 
+def test_identities_are_equal_where_all_of_them_is():
+    pair = shifted_pair(96, 160, 10)
+    first, again = (DepthEstimator(TINY_MODEL).predict(*pair).identity for _ in range(2))
+    with_rig = endosdk.StereoCalibration.rectified(200.0, 5.0, (160, 96))
+    other = DepthEstimator(TINY_MODEL, calibration=with_rig).predict(*pair).identity
+    assert first == again == pickle.loads(pickle.dumps(first)) and hash(first) == hash(again)
+    assert first != other and first != "first"
+    assert endosdk.__version__ in repr(first) and first.model_sha256 in repr(first)
+
+
 def test_the_hashed_file_is_the_one_that_was_loaded():
     from onnxruntime.capi import onnxruntime_pybind11_state
 

@@ -39,6 +39,7 @@ def parse_yaml(text: str) -> Any:
 
     # OpenCV writes "%YAML:1.0", which no YAML allows.
     text = re.sub(r"\A\ufeff?%YAML[: ][^\n]*\n", "", text)
+    text = re.sub(r"\n---\s*\Z", "\n", text)  # ROS ends each message that it prints so
     base: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     loader = type("Loader", (base,), {"construct_mapping": _mapping_without_twins})
     try:

@@ -28,15 +28,28 @@ Key = tuple[Numbers, str]  # what the names of a pair share: the numbers that co
 def pair_pictures(left: Path, right: Path) -> list[tuple[Path, Path]]:
     """Pair the pictures of two folders by the numbers in their names, in the order of these.
 
-    A number that never changes, neither in the one folder nor in the other, such as that of the camera, does not
-    count. Where both folders are the same one, the names say the side: ``f7_left.png`` and ``f7_right.png``, ``_L`` and
-    ``_R``, or ``left_7.png`` and ``right_7.png``, and are the same otherwise. Files that are no pictures are passed
-    over. Raises InvalidArgument where a picture has no partner, or more than one.
+    Folders whose names are the same are paired by name. A number that never changes, neither in the one folder nor in
+    the other, such as that of the camera, does not count. Where both folders are the same one, the names say the side:
+    ``f7_left.png`` and ``f7_right.png``, ``_L`` and ``_R``, or ``left_7.png`` and ``right_7.png``, and are the same
+    otherwise. Files that are no pictures are passed over. Raises InvalidArgument where a picture has no partner, or
+    more than one.
     """
     pictures = _pictures("left", left), _pictures("right", right)
     if left.samefile(right):
         return _matched(*_by_side(pictures[0]), SIDES_RULE)
+    stems = [[path.stem for path in side] for side in pictures]
+    if stems[0] == stems[1] and len(set(stems[0])) == len(stems[0]):
+        return list(zip(*pictures, strict=True))
+    if len(pictures[0]) == len(pictures[1]) == 1 and _alike(*(side[0].stem for side in pictures)):
+        return [(pictures[0][0], pictures[1][0])]
     return _matched(*_by_number(*pictures), NUMBERS_RULE)
+
+
+def _alike(left: str, right: str) -> bool:
+    """Return whether two names differ in the number of the camera alone: in one number, which is not the last."""
+    apart = [a != b for a, b in zip(_numbers(left), _numbers(right), strict=False)]
+    same_words = re.sub(r"\d+", "0", left) == re.sub(r"\d+", "0", right)
+    return same_words and sum(apart) == 1 and not apart[-1]
 
 
 def has_pictures(folder: Path) -> bool:

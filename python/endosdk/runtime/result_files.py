@@ -97,7 +97,7 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
 def write_record(
     folder: str | Path, result: DepthResult, files: Mapping[str, Path], pictures: tuple[Path, Path]
 ) -> Path:
-    """Write ``result.json``: what `described` says, the names of both pictures and the SHA-256 of each of ``files``.
+    """Write ``result.json``: what `described` says, and name and SHA-256 of both pictures and of each of ``files``.
 
     Returns its path. Raises `StorageFailed`.
     """
@@ -105,6 +105,7 @@ def write_record(
     record = {
         "left": left.name,
         "right": right.name,
+        "inputs_sha256": {"left": file_sha256(left), "right": file_sha256(right)},
         **described(result),
         "files": {name: file_sha256(path) for name, path in files.items()},
     }

@@ -26,15 +26,17 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
     name: tuple(spellings.split())
     for name, spellings in {
         "left_matrix": "k1 m1 cameramatrix1 cameramatrixleft leftcameramatrix cameramatrixl kleft kl "
-        "leftmatrix mtxl mtx1",
+        "leftmatrix mtxl mtx1 leftk intrinsicleft leftintrinsic intrinsicsleft leftintrinsics",
         "right_matrix": "k2 m2 cameramatrix2 cameramatrixright rightcameramatrix cameramatrixr kright kr "
-        "rightmatrix mtxr mtx2",
+        "rightmatrix mtxr mtx2 rightk intrinsicright rightintrinsic intrinsicsright rightintrinsics",
         "left_distortion": "d1 distcoeffs1 distcoefs1 dist1 distortion1 distortioncoefficients1 "
-        "distcoeffsleft leftdistcoeffs distcoeffsl distleft dleft dl leftdistortion distl",
+        "distcoeffsleft leftdistcoeffs distcoeffsl distleft dleft dl leftdistortion distl leftd distortionleft "
+        "leftdistortioncoefficients",
         "right_distortion": "d2 distcoeffs2 distcoefs2 dist2 distortion2 distortioncoefficients2 "
-        "distcoeffsright rightdistcoeffs distcoeffsr distright dright dr rightdistortion distr",
-        "rotation": "r rotation rotationmatrix rmatrix",
-        "translation": "t translation translationvector tvec tvector",
+        "distcoeffsright rightdistcoeffs distcoeffsr distright dright dr rightdistortion distr rightd distortionright "
+        "rightdistortioncoefficients",
+        "rotation": "r rotation rotationmatrix rmatrix rot",
+        "translation": "t translation translationvector tvec tvector trns",
         "size": "imagesize imgsize size resolution calibrationimagesize",
         "width": "width imagewidth imgwidth",
         "height": "height imageheight imgheight",

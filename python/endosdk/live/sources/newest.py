@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 from endosdk.live.frames import Frame
@@ -42,8 +43,13 @@ class Newest(Source):
 
     def _fetch(self, start: int, latest: _Latest) -> None:
         over: BaseException | bool = True
+        begun: int | None = None
         try:
             for frame in self._source.frames(start):
+                if not self.live:  # a file does not wait by itself: it plays at the speed that its stamps state
+                    now = time.monotonic_ns()
+                    begun = now - frame.stamp_ns if begun is None else begun
+                    latest.unread.wait(max(0, begun + frame.stamp_ns - now) / 1e9)
                 if latest.unread.is_set():
                     return
                 latest.put(frame)
