@@ -274,7 +274,8 @@ class StereoCalibration:
 
         ``size`` is the rectified (width, height), by default that of the raw pictures; another size is the same view
         resampled. ``alpha`` 0 keeps only pixels that both sources cover, 1 keeps every source pixel, -1 leaves the
-        choice to OpenCV's rule. A pair that is already rectified stays as it is.
+        choice to OpenCV's rule. A pair that is already rectified stays as it is. Where OpenCV would enlarge a view more
+        than 1.5 times for an ``alpha`` of 0, as that of cropped frames, the principal point moves instead.
         """
         left_turn, right_turn, left_view, right_view = _core.rig_geometry(self.numbers(), check_alpha(alpha))
         geometry = RectifiedGeometry(left_turn, right_turn, left_view, right_view, self.width, self.height)
