@@ -174,6 +174,25 @@ def test_size_must_agree_with_the_file(tmp_path: Path) -> None:
         load(path, size=(1280, 960))
 
 
+def test_a_size_of_other_frames_is_warned_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    fields = opencv_fields()
+    del fields["image_size"]
+    path = write_opencv(tmp_path / "stereo.yml", fields)
+    load(path, size=SIZE)
+    assert caplog.text == ""
+    load(path, size=(1280, 960))
+    assert "stereo.yml: both principal points lie far from the middle of a picture of 1280x960" in caplog.text
+
+
+def test_centimetres_are_warned_of(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = write_opencv(tmp_path / "cm.yml", opencv_fields(T=RIG.translation.reshape(3, 1) / 5))
+    assert load(path).baseline_mm == pytest.approx(RIG.baseline_mm / 5)
+    assert "cm.yml: the baseline is" in caplog.text and "lengths were read in mm" in caplog.text
+    caplog.clear()
+    assert load(path, units="cm").baseline_mm == pytest.approx(2 * RIG.baseline_mm)
+    assert caplog.text == ""
+
+
 def test_size_stored_as_height_and_width_needs_the_callers_word(tmp_path: Path) -> None:
     path = write_opencv(tmp_path / "stereo.yml", opencv_fields(image_size=np.array([480.0, 640.0])))
     with pytest.raises(CalibrationSizeMismatch, match=r"\(width, height\) or \(height, width\)"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from endosdk.io.documents import parse_yaml
 Matrix = npt.NDArray[np.float64]
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+USUAL_BASELINE_MM = 2.0  # rigs of endoscopes have 3.5 mm and more
+USUAL_OFFSET = 0.2  # of a side, from its middle to the principal point
 # How programs name the lens model of a camera. Coefficients of the same model have the same order in all of them.
 MODEL_OF: dict[str, CameraModel] = {
     "pinhole": "pinhole",
@@ -85,7 +88,29 @@ def finish(
         "translation": raw.translation * MM_PER_UNIT[unit],
         "model": raw.model,
     }
+    _warn_of_the_unusual(fields, source, unit)
     return StatedRig(source, fields, unit, size_given=size is not None)
+
+
+def _warn_of_the_unusual(fields: Mapping[str, Any], source: str, unit: str) -> None:
+    """Warn of what a rig may have, and most often has because a length or a size was read wrongly."""
+    log = logging.getLogger("endosdk")
+    baseline = float(np.linalg.norm(fields["translation"]))
+    if baseline < USUAL_BASELINE_MM:
+        log.warning(
+            "%s: the baseline is %.3g mm, which is short for an endoscope; lengths were read in %s: pass units= if "
+            "that is not their unit",
+            *(source, baseline, unit),
+        )
+    size = np.array([fields["width"], fields["height"]])
+    centres = np.array([fields[f"{side}_matrix"][:2, 2] for side in ("left", "right")])
+    off = np.abs(centres - (size - 1) / 2) / size
+    if (off.max(axis=1) > USUAL_OFFSET).all():
+        log.warning(
+            "%s: both principal points lie far from the middle of a picture of %dx%d; it would be that of one of about "
+            "%dx%d: check the size, unless frames are cropped",
+            *(source, *size, *np.rint(2 * centres.mean(axis=0) + 1).astype(int)),
+        )
 
 
 def _settle_unit(raw: RawCalibration, units: str | None) -> str:
