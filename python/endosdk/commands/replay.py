@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the files."""
     from endosdk.errors import InvalidArgument
     from endosdk.io.bounded_read import is_there
-    from endosdk.io.folders import made_folder
+    from endosdk.io.new_folders import made_folder
     from endosdk.io.whole_files import whole_path
     from endosdk.live.recording.record import FILES, check_out, export
     from endosdk.live.recording.recording import Recording

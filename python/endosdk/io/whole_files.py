@@ -14,8 +14,8 @@ from typing import Any, BinaryIO
 
 from endosdk.errors import EndoError, StorageFailed
 from endosdk.io.bounded_read import is_there
-from endosdk.io.folders import made_folder
 from endosdk.io.locks import held, is_held
+from endosdk.io.new_folders import made_folder
 
 PARTIAL = ".partial-"
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.file_hash import file_sha256
-from endosdk.io.folders import made_folder
+from endosdk.io.new_folders import made_folder
 from endosdk.io.pictures import write_picture
 from endosdk.io.point_cloud import write_ply
 from endosdk.io.whole_files import whole_file, write_json

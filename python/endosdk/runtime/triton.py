@@ -10,8 +10,8 @@ from pathlib import Path
 
 from endosdk import _core
 from endosdk.errors import InvalidArgument
-from endosdk.io.folders import made_folder
 from endosdk.io.names import RULE, is_plain_name
+from endosdk.io.new_folders import made_folder
 from endosdk.io.whole_files import whole_file, write_text
 from endosdk.runtime.models import ModelInfo, read_model
 from endosdk.runtime.session import StereoSession

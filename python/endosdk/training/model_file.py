@@ -7,7 +7,7 @@ from pathlib import Path
 import onnx
 
 from endosdk import _core
-from endosdk.io.folders import made_folder
+from endosdk.io.new_folders import made_folder
 from endosdk.io.whole_files import whole_file
 
 

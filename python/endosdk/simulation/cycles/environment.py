@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from endosdk.errors import RendererUnavailable
-from endosdk.io.folders import made_folder
+from endosdk.io.new_folders import made_folder
 
 BPY = "bpy==4.5.15"  # needs Python 3.11 and numpy 1, which opencv 5 refuses: hence the environment of its own
 PACKAGES = (BPY, "numpy>=1.26,<2")
