@@ -72,7 +72,7 @@ def wrong_on_clean_pairs():
     clean = [read("accuracy/trust")["models"][name]["cases"]["clean"] for name in ("fast", "accurate")]
     shares = sorted(100 * one["wrong"] for one in clean)
     valid = sorted(100 * one["wrong_of_valid"] for one in clean)
-    return f"{shares[0]:.1f}", f"{shares[1]:.1f}", f"{valid[0]:.2f}", f"{valid[1]:.2f}"
+    return f"{shares[0]:.2f}", f"{shares[1]:.2f}", f"{valid[0]:.2f}", f"{valid[1]:.2f}"
 
 
 def gain_of_a_larger_network_size():

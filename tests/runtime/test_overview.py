@@ -1,6 +1,5 @@
 import hashlib
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -99,15 +98,25 @@ def test_files_hold_what_the_result_holds(predicted, tmp_path):
     assert np.array_equal(read_frame(files["left_rectified.png"]), left)
 
 
+def pictures(folder):
+    """Two files that stand for the pictures of a pair, in folders of their own."""
+    found = folder / "a" / "l.png", folder / "b" / "r.png"
+    for path, side in zip(found, ("left", "right"), strict=True):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(side)
+    return found
+
+
 def test_no_calibration_leaves_no_file_in_mm_and_none_of_an_earlier_result(predicted, tmp_path):
     left, calibrated = predicted
-    files = write_result(tmp_path, left, calibrated)
-    write_record(tmp_path, calibrated, files, (Path("l.png"), Path("r.png")))
+    out, given = tmp_path / "out", pictures(tmp_path)
+    files = write_result(out, left, calibrated)
+    write_record(out, calibrated, files, given)
     result = DepthEstimator(TINY_MODEL).predict(*shifted_pair(96, 160, 12))
-    files = write_result(tmp_path, left, result)
+    files = write_result(out, left, result)
     names = {"overview.png", "disparity.png", "confidence.png", "reasons.png"}
-    assert {path.name for path in tmp_path.iterdir()} == names
-    record = json.loads(write_record(tmp_path, result, files, (Path("l.png"), Path("r.png"))).read_text())
+    assert {path.name for path in out.iterdir()} == names
+    record = json.loads(write_record(out, result, files, given).read_text())
     assert record["geometry"] is record["calibration_sha256"] is record["median_depth_mm"] is None
     assert record["files"].keys() == names
 
@@ -119,16 +128,19 @@ def test_points_follow_from_the_files_alone(tmp_path):
     estimator = DepthEstimator("fast", calibration=rig)
     result = estimator.predict(*pair)
     left = estimator.rectify(*pair)[0]
-    files = write_result(tmp_path, left, result)
-    record = json.loads(write_record(tmp_path, result, files, (Path("a/l.png"), Path("b/r.png"))).read_text())
+    out = tmp_path / "out"
+    files = write_result(out, left, result)
+    record = json.loads(write_record(out, result, files, pictures(tmp_path)).read_text())
+    hashes = {side: hashlib.sha256(side.encode()).hexdigest() for side in ("left", "right")}
+    assert record["inputs_sha256"] == hashes
     assert (record["left"], record["right"], record["status"]) == ("l.png", "r.png", result.status.name)
     assert record["valid_share"] == pytest.approx(result.valid_share, abs=1e-4)
     assert record["model"] == {name: getattr(result.model, name) for name in ("name", "version", "sha256")}
     assert record["calibration_sha256"] == rig.sha256
     assert record["size"] == [960, 720]
-    shown = read_frame(tmp_path / "left_rectified.png")
+    shown = read_frame(out / "left_rectified.png")
     assert np.array_equal(shown, left) and not np.array_equal(shown, pair[0])
-    g, depth = record["geometry"], np.load(tmp_path / "depth.npy")
+    g, depth = record["geometry"], np.load(out / "depth.npy")
     rows, columns = np.indices(depth.shape)
     x, y = (columns - g["cx"]) * depth / g["focal_px"], (rows - g["cy"]) * depth / g["focal_y_px"]
     assert np.isfinite(depth).mean() > 0.5
@@ -136,8 +148,8 @@ def test_points_follow_from_the_files_alone(tmp_path):
     far = g["focal_px"] * g["baseline_mm"] / (result.disparity + g["doffs"])
     np.testing.assert_allclose(depth[np.isfinite(depth)], far[np.isfinite(depth)], rtol=1e-4)
     for name, sha256 in record["files"].items():
-        assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == sha256
-    assert {path.name for path in tmp_path.iterdir()} == {*record["files"], "result.json"}
+        assert hashlib.sha256((out / name).read_bytes()).hexdigest() == sha256
+    assert {path.name for path in out.iterdir()} == {*record["files"], "result.json"}
 
 
 @pytest.mark.parametrize("picture", [np.zeros((95, 160, 3), np.uint8), np.zeros((96, 160, 3), np.uint16)])
