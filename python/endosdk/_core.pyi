@@ -142,12 +142,12 @@ def set_isa(name: str) -> None: ...
 confidence_parts: float
 default_min_confidence: float
 
-# Answers this close to an end of the network's range, px of the network, count as out of range.
-longest_side: int
-model_key_prefix: str
+longest_side: int  # of a frame, px
+model_key_prefix: str  # of our keys in a model's metadata
 model_format_version: str
 certain_standard_errors: float
 max_threads: int
+# Answers this close to an end of the network's range, px of the network, count as out of range.
 range_margin: float
 
 # Of all channels: from here on a pixel is glare.
@@ -190,7 +190,7 @@ def stereo_rectify(
     height: int,
     alpha: float,
 ) -> tuple[_Matrix, _Matrix, _Matrix, _Matrix]:
-    """R1, R2 (3x3), P1, P2 (3x4), as cv2.stereoRectify with CALIB_ZERO_DISPARITY.
+    """R1, R2 (3x3), P1, P2 (3x4), as cv2.stereoRectify with CALIB_ZERO_DISPARITY, but see `StereoCalibration`.
 
     Fisheye rigs: as cv2.fisheye.stereoRectify with balance=alpha.
     """

@@ -36,6 +36,7 @@ def test_the_number_of_the_camera_does_not_count(tmp_path):
     [
         # The same names in both folders, whatever they are.
         (["a.png", "b.png"], ["a.jpg", "b.jpg"]),
+        (["1.png", "2.png", "10.png"], ["1.png", "2.png", "10.png"]),
         (["seqA_0001.png", "seqB_0001.png"], ["seqA_0001.png", "seqB_0001.png"]),
         # One pair, which differs in the number of the camera.
         (["cam0_0007.png"], ["cam1_0007.png"]),

@@ -1,18 +1,23 @@
+import subprocess
 import sys
 
 import pytest
 
 from endosdk import _core
-from endosdk.jobs.machine import instructions, peak_memory_mb
+from endosdk.jobs.machine import instructions
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no getrusage")
 def test_peak_memory_counts_what_a_process_has_had():
-    before = peak_memory_mb()
-    assert before is not None and 10 < before < 100_000
-    block = bytearray(int(before * 2**20) + (200 << 20))  # more than ever before
-    block[::4096] = b"x" * len(block[::4096])
-    assert peak_memory_mb() > before + 150
+    code = (
+        "from endosdk.jobs.machine import peak_memory_mb as peak\n"
+        "before = peak(); block = b'x' * (int(before * 2**20) + (200 << 20))\n"  # more than ever before
+        "print(before, peak())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    before, after = map(float, done.stdout.split())
+    assert 10 < before < 100_000
+    assert after > before + 150
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells its processor's instructions in /proc/cpuinfo")

@@ -31,7 +31,8 @@ struct Rectification {
 
 // Equals cv2.stereoRectify(flags=CALIB_ZERO_DISPARITY, alpha=alpha) for pinhole rigs and cv2.fisheye.stereoRectify with
 // balance=alpha for fisheye rigs. Alpha 0 shows only pixels that both views have, 1 keeps every source pixel. A negative alpha
-// (pinhole only) keeps the mean focal length. The views must lie side by side.
+// (pinhole only) keeps the mean focal length. The views must lie side by side. One exception, for alpha 0 and pinhole rigs: if
+// OpenCV would enlarge the views more than 1.5 times, as those of cropped frames, the principal point moves instead.
 Rectification stereo_rectify(const StereoRig& rig, double alpha);
 
 // The numbers for one rectified view: the camera that took it, and the rectified geometry.

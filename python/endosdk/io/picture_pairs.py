@@ -39,7 +39,7 @@ def pair_pictures(left: Path, right: Path) -> list[tuple[Path, Path]]:
         return _matched(*_by_side(pictures[0]), SIDES_RULE)
     stems = [[path.stem for path in side] for side in pictures]
     if stems[0] == stems[1] and len(set(stems[0])) == len(stems[0]):
-        return list(zip(*pictures, strict=True))
+        return sorted(zip(*pictures, strict=True), key=lambda pair: (_numbers(pair[0].stem), pair[0].stem))
     if len(pictures[0]) == len(pictures[1]) == 1 and _alike(*(side[0].stem for side in pictures)):
         return [(pictures[0][0], pictures[1][0])]
     return _matched(*_by_number(*pictures), NUMBERS_RULE)
