@@ -21,13 +21,11 @@ from endosdk.training.networks.blocks import (
     ConvNorm,
     ResidualPair,
     fold_batch_norm,
-    fold_colour_scaling,
     scaled_colours,
 )
-from endosdk.training.networks.clues import CLUES, DOUBTS, WIDE_UNIT, CluesOfAnswer, log_largest
+from endosdk.training.networks.clues import CLUES, DOUBTS, CluesOfAnswer, log_largest
 from endosdk.training.networks.comparison import (
     CELL,
-    DISPARITY_HINT,
     FINE,
     HINTS,
     STRIDE,
@@ -35,17 +33,15 @@ from endosdk.training.networks.comparison import (
     CompareViews,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.confidence_export import DeployedConfidence
 from endosdk.training.networks.fast import EVIDENCE, ROUGH_SLOPE, START, Fast, Refinement, Shape
 from endosdk.training.networks.fast_export import (
-    CorrectionApart,
     ReadViews,
     ViewRows,
+    deploy_comparisons,
     for_layers,
-    over_rows,
     rows_of,
+    stem_over_rows,
 )
-from endosdk.training.networks.functions import as_function
 from endosdk.training.networks.photometric import brightness
 
 FIRST = "first."  # prefix of the names of the first stage's weights
@@ -145,22 +141,11 @@ class Cascade(StereoNetwork):
         form.first = self.first.export_form()  # type: ignore[assignment]
         for part in (form.stem, form.features, form.earlier, form.refinement):
             fold_batch_norm(part)
-        stem = form.stem
-        fold_colour_scaling(stem.conv)
         form.pixels = LeftRows(ReadViews(CELL))  # type: ignore[assignment]
         form.smaller = ViewRows(ReadSmaller(CELL))  # type: ignore[assignment]
-        form.stem = nn.Sequential(over_rows(stem.conv), stem.activation)  # type: ignore[assignment]
+        form.stem = stem_over_rows(form.stem)  # type: ignore[assignment]
         form.reads_bytes = True
-        # As in `Fast`: the disparity in a unit in which it is about as large as the other hints.
-        form.compare.unit *= WIDE_UNIT
-        with torch.no_grad():
-            for refinement in (form.earlier, form.refinement):
-                refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
-        form.earlier = CorrectionApart(form.earlier, FINE**2)  # type: ignore[assignment]
-        form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
-        form.confidence = DeployedConfidence(form.confidence)  # type: ignore[assignment]
-        for name in ("compare", "choose", "look"):
-            setattr(form, name, as_function(getattr(form, name)))
+        deploy_comparisons(form, ["earlier", "refinement"], ["compare", "choose", "look"])
         return form
 
 

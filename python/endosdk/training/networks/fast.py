@@ -23,13 +23,11 @@ from endosdk.training.networks.blocks import (
     ConvNorm,
     ResidualPair,
     fold_batch_norm,
-    fold_colour_scaling,
     scaled_colours,
 )
-from endosdk.training.networks.clues import CLUES, DOUBTS, WIDE_UNIT, CluesOfAnswer, MatchEvidence
+from endosdk.training.networks.clues import CLUES, DOUBTS, CluesOfAnswer, MatchEvidence
 from endosdk.training.networks.comparison import (
     CELL,
-    DISPARITY_HINT,
     FINE,
     HINTS,
     STRIDE,
@@ -37,17 +35,15 @@ from endosdk.training.networks.comparison import (
     CompareViews,
 )
 from endosdk.training.networks.confidence import ConfidenceHead
-from endosdk.training.networks.confidence_export import DeployedConfidence
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin
 from endosdk.training.networks.fast_export import (
-    CorrectionApart,
     PairedLayers,
     PairedVolume,
     ReadViews,
     ViewRows,
-    over_rows,
+    deploy_comparisons,
+    stem_over_rows,
 )
-from endosdk.training.networks.functions import as_function
 from endosdk.training.networks.photometric import brightness
 from endosdk.training.networks.surroundings import Surroundings
 
@@ -175,21 +171,12 @@ class Fast(StereoNetwork):
         """
         form = copy.deepcopy(self).eval()
         fold_batch_norm(form)
-        stem, volume, layers = form.stem, form.volume, form.aggregation
-        fold_colour_scaling(stem.conv)
         form.pixels = ViewRows(ReadViews(CELL))  # type: ignore[assignment]
-        form.stem = nn.Sequential(over_rows(stem.conv), stem.activation)  # type: ignore[assignment]
-        form.volume = PairedVolume(volume.match, self.planes)  # type: ignore[assignment]
-        form.aggregation = PairedLayers(layers, self.planes)  # type: ignore[assignment]
+        form.stem = stem_over_rows(form.stem)  # type: ignore[assignment]
+        form.volume = PairedVolume(form.volume.match, self.planes)  # type: ignore[assignment]
+        form.aggregation = PairedLayers(form.aggregation, self.planes)  # type: ignore[assignment]
         form.reads_bytes = True
-        # All hints have one 8-bit scale, of which the disparity would leave the others little.
-        form.compare.unit *= WIDE_UNIT
-        with torch.no_grad():
-            form.refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
-        form.refinement = CorrectionApart(form.refinement, FINE**2)  # type: ignore[assignment]
-        form.confidence = DeployedConfidence(form.confidence)  # type: ignore[assignment]
-        for name in ("judge", "compare", "choose", "look"):
-            setattr(form, name, as_function(getattr(form, name)))
+        deploy_comparisons(form, ["refinement"], ["judge", "compare", "choose", "look"])
         return form
 
 

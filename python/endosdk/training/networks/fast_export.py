@@ -1,4 +1,4 @@
-"""The first half of `Fast` in the form in which it is deployed: the same function in layouts that suit runtimes.
+"""`Fast` in the form in which it is deployed: the same function in layouts and units that suit runtimes.
 
 Runtimes compute 8-bit convolutions with the channels last, which they gather in runs of a few bytes where channels are
 few, and those with 32 channels of output in less time for a multiplication than those with 16. So the stem reads four
@@ -8,19 +8,24 @@ share are zeros: a third more multiplications, in less time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from endosdk.training.networks.blocks import ConvNorm, fold_colour_scaling
+from endosdk.training.networks.clues import WIDE_UNIT
+from endosdk.training.networks.comparison import DISPARITY_HINT, FINE
+from endosdk.training.networks.confidence_export import DeployedConfidence
 from endosdk.training.networks.cost_volume import Planes, SoftArgmin, soft_argmin_of_planes
 from endosdk.training.networks.functions import as_function
 from endosdk.training.networks.photometric import brightness
 
 if TYPE_CHECKING:
-    from endosdk.training.networks.fast import PlaneLayers, Refinement
+    from endosdk.training.networks.cascade import Cascade
+    from endosdk.training.networks.fast import Fast, PlaneLayers, Refinement
 
 PAIR = 2  # planes that are computed together
 
@@ -65,6 +70,33 @@ def rows_of(views: Tensor, cell: int) -> Tensor:
     """Lay views [N, 3, H, W] out as rows [N, H, W/cell, 3 cell]: colour by colour, ``cell`` pixels as one."""
     count, colours, height, width = views.shape
     return channels_last(views).reshape(count, height, width // cell, colours * cell)
+
+
+def stem_over_rows(stem: ConvNorm) -> nn.Sequential:
+    """Make the stem that reads `ViewRows` of bytes: the scaling of colours moves into its weights."""
+    fold_colour_scaling(stem.conv)
+    return nn.Sequential(over_rows(stem.conv), stem.activation)
+
+
+def deploy_comparisons(form: Fast | Cascade, refinements: Iterable[str], functions: Iterable[str]) -> None:
+    """Bring what follows the coarse answer into the form of a file.
+
+    Args:
+        form: a copy in evaluation mode, without batch norm; changed in place.
+        refinements: names of its parts that read the hints of its ``compare``.
+        functions: names of its parts that become functions of the file.
+
+    """
+    # All hints have one 8-bit scale, of which the disparity would leave the others little.
+    form.compare.unit *= WIDE_UNIT
+    for name in refinements:
+        refinement = getattr(form, name)
+        with torch.no_grad():
+            refinement.hints.weight[:, DISPARITY_HINT] *= WIDE_UNIT
+        setattr(form, name, CorrectionApart(refinement, FINE**2))
+    form.confidence = DeployedConfidence(form.confidence)  # type: ignore[assignment]
+    for name in functions:
+        setattr(form, name, as_function(getattr(form, name)))
 
 
 def over_rows(conv: nn.Module) -> nn.Conv2d:
