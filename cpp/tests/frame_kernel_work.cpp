@@ -201,7 +201,7 @@ void rig(Output& out) {
   const std::vector<float> offset = floats(cells, -1.0f, 1.0f), wanted(cells, 1.0f);
   std::vector<float> sums(static_cast<size_t>(row_step_sums * cells)), step(windows), weight(windows);
   for (int row = 3; row < 6; ++row) {
-    kernels().row_step_row({left.data(), right.data(), width, rows, row, cells, disparity.data(), offset.data(), wanted.data(), sums.data()});
+    kernels().row_step_row({left.data(), right.data(), width, rows, row, cells, disparity.data(), offset.data(), wanted.data(), 1.3f, sums.data()});
   }
   compute([&] { kernels().row_windows({sums.data(), cells, windows, 0.1f, 2.0f, 20.0f, 2.0f, step.data(), weight.data()}); });
   for (const auto* values : {&sums, &step, &weight}) out.add(*values);

@@ -116,6 +116,17 @@ def test_standard_errors_are_honest(rotation: tuple[float, float, float]) -> Non
     assert (mean < 0.02).all()
 
 
+def test_a_darker_view_turns_no_rig() -> None:
+    found = []
+    with DepthEstimator("fast-320", calibration=RIG) as estimator:
+        for number in range(0, 60, 12):
+            left, right = cycles_pair(number)
+            rigs = [estimator.predict(left, (gain * right).astype(np.uint8)).rig for gain in (1.0, 0.35)]
+            found.append([rig.rotation_deg for rig in rigs if rig is not None])
+    change = np.array(found)[:, 1] - np.array(found)[:, 0]
+    assert np.abs(change).max() < 0.05 and np.sqrt(np.mean(change**2)) < 0.02
+
+
 def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
     left, right = cycles_pair(0)
     with DepthEstimator("fast", calibration=RIG) as estimator:

@@ -7,15 +7,10 @@ import pytest
 
 from endosdk import Cause, DepthEstimator, Status, _core
 from tests.conftest import shifted_pair
+from tests.core.test_coarse_match import HEIGHT, WIDTH, planes
 from tests.core.test_pose_error import RIG, cycles_pair
 from tests.core_rigs import every_isa
-from tests.reference import matched_views, resampling
-
-HEIGHT, WIDTH = 150, 240
-
-
-def planes(view: np.ndarray) -> np.ndarray:
-    return resampling.planar(view, "rgb", 152, 240).astype(np.uint8)
+from tests.reference import matched_views
 
 
 def board(height: int, width: int, side: int, shift: int = 0) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from endosdk import _core
@@ -11,6 +13,7 @@ from tests.reference.view_measures import brightness, cell_levels, deep_inside, 
 LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
 LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
 
+FALLING = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
 GLARING = 225.0  # grey level from which a cell does not count
 
 
@@ -35,6 +38,54 @@ def placed(disparity: np.ndarray, fields: list[np.ndarray], size: tuple[int, int
     return found
 
 
+class Matches(NamedTuple):
+    """Both views in cells of 2 x 2 columns of brightness, the right one where it was matched."""
+
+    here: np.ndarray
+    there: np.ndarray
+    counted: np.ndarray  # cells with a match and without glare
+    found: np.ndarray  # disparity, columns
+    noise: tuple[float, float]  # variance of a column of brightness
+    unit: int  # pixels per column
+
+
+def matches_of(disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int) -> Matches:
+    """Read the right view where the left one was matched; arguments as in `correlation_of_views`."""
+    here, unit = brightness(left, height, width)
+    there, _ = brightness(right, height, width)
+    rows, cells = here.shape[0], here.shape[1] // 2
+    views = (left, right)
+    fields = [seen_cells(view, height, width) for view in views]
+    own, other = (
+        noise(view, field, unit) ** 2 * 6 / 16 / (2 * unit**2) for view, field in zip(views, fields, strict=True)
+    )
+    found = placed(disparity, fields, left.shape[1:], unit)
+    match = 2 * np.arange(cells, dtype=np.float32) - found
+    inside = (match >= 0) & (match <= here.shape[1] - 1)
+    column = np.minimum(np.where(inside, match, 0).astype(int), here.shape[1] - 2)
+    part = np.where(inside, match, 0) - column
+    row = np.arange(rows)[:, None]
+    matched = there[row, column] * (1 - part) + there[row, column + 1] * part
+    counted = inside & (here[:, ::2] <= GLARING) & (matched <= GLARING)
+    return Matches(here[:, ::2], matched, counted, found, (own, other), unit)
+
+
+def gain_of_views(disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int) -> float:
+    """Contrast of the left view over that of the right one; arguments as in `correlation_of_views`."""
+    seen = matches_of(disparity, left, right, height, width)
+    some = slice(None, None, 8)
+    weights = np.apply_along_axis(np.convolve, 1, np.ones(seen.here.shape), FALLING, "same")
+    weights = (weights * seen.counted)[some]
+    if not weights.any():
+        return 1.0
+    mean = [np.average(view[some], weights=weights) for view in (seen.here, seen.there)]
+    varies = [
+        np.average((view[some] - middle) ** 2, weights=weights) - noise
+        for view, middle, noise in zip((seen.here, seen.there), mean, seen.noise, strict=True)
+    ]
+    return float(np.clip(np.sqrt(varies[0] / varies[1]), 0.25, 4)) if min(varies) > 4 else 1.0
+
+
 def correlation_of_views(
     disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -48,38 +99,22 @@ def correlation_of_views(
     of the grid is H / h by W / w px. What is returned stands on cells of 2 x 2 columns.
     """
     here, unit = brightness(left, height, width)
-    there, _ = brightness(right, height, width)
-    rows, cells = here.shape[0], here.shape[1] // 2
     if not here.size:
         return np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)), unit
-    factor = 6 / 16 * 6 / 16 / (2 * unit**2)
-    views = (left, right)
-    fields = [seen_cells(view, height, width) for view in views]
-    left_noise, right_noise = (
-        noise(view, field, unit) ** 2 * factor for view, field in zip(views, fields, strict=True)
-    )
-    found = placed(disparity, fields, left.shape[1:], unit)
+    here, matched, inside, found, noises, _ = matches_of(disparity, left, right, height, width)
+    rows, cells = here.shape
+    left_noise, right_noise = (6 / 16 * noise for noise in noises)
     correlation, share, odds = np.full((rows, cells), np.nan), np.ones((rows, cells)), np.ones((rows, cells))
-    match = 2 * np.arange(cells, dtype=np.float32) - found
-    inside = (match >= 0) & (match <= here.shape[1] - 1)
-    column = np.minimum(np.where(inside, match, 0).astype(int), here.shape[1] - 2)
-    part = np.where(inside, match, 0) - column
-    row = np.arange(rows)[:, None]
-    falling = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
-    matched = there[row, column] * (1 - part) + there[row, column + 1] * part
-    inside &= (here[:, ::2] <= GLARING) & (matched <= GLARING)
     flat = 0.3 + max(left_noise, right_noise)
     for row, cell in np.ndindex(rows, cells):
         window = slice(max(0, row - 5), row + 6), slice(max(0, cell - 5), cell + 6)
         seen = inside[window]
         weights = (
-            falling[window[0].start - row + 5 :][: seen.shape[0], None]
-            * falling[window[1].start - cell + 5 :][: seen.shape[1]]
+            FALLING[window[0].start - row + 5 :][: seen.shape[0], None]
+            * FALLING[window[1].start - cell + 5 :][: seen.shape[1]]
         )[seen]
-        if weights.sum() >= falling.sum() ** 2 / 4:
-            a, b = (
-                view - np.average(view, weights=weights) for view in (here[:, ::2][window][seen], matched[window][seen])
-            )
+        if weights.sum() >= FALLING.sum() ** 2 / 4:
+            a, b = (view - np.average(view, weights=weights) for view in (here[window][seen], matched[window][seen]))
             varies = np.average(a**2, weights=weights) - left_noise, np.average(b**2, weights=weights) - right_noise
             if max(varies) > flat:
                 together = np.average(a * b, weights=weights)

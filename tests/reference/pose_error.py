@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tests.reference.matched_views import gain_of_views
 from tests.reference.view_measures import brightness, noise, seen_cells
 
 POSE_PRIOR = np.array([0.1, 0.1, 0.1, 0.01, 0.01, 0.03])
@@ -19,7 +20,14 @@ def pose_rows(x: np.ndarray, y: np.ndarray, disparity: np.ndarray, pattern: tupl
 
 
 def row_steps(
-    here: np.ndarray, there: np.ndarray, found: np.ndarray, wanted: np.ndarray, offset: np.ndarray, row: int, cell: int
+    here: np.ndarray,
+    there: np.ndarray,
+    gain: float,
+    found: np.ndarray,
+    wanted: np.ndarray,
+    offset: np.ndarray,
+    row: int,
+    cell: int,
 ) -> tuple[float, float] | None:
     """A Lucas-Kanade step along y, rows, and its information, in the window of three rows of three cells around one."""
     points = []
@@ -38,7 +46,7 @@ def row_steps(
                 return None
             gx = (here[y, 2 * c + 1] - here[y, 2 * c - 1]) / 2
             gy = (here[y + 1, 2 * c] - here[y - 1, 2 * c]) / 2
-            points.append((gx, gy, levels[0] - levels[1]))
+            points.append((gx, gy, levels[0] - gain * levels[1]))
     centred = np.array(points) - np.mean(points, axis=0)
     products = centred.T @ centred
     xx, xy, yy = products[0, 0] + 0.1, products[0, 1], products[1, 1]
@@ -94,6 +102,7 @@ def rig_error(
     x, y = (2 * np.arange(cells) + 0.5) * across - 0.5, (np.arange(height) + 0.5) * down - 0.5
     terms = pose_rows(x[None, :], y[:, None], across * found, pattern)
     bands, along = range((height - 5) // 6 + 1), (cells - 1) // 2
+    gain = gain_of_views(disparity, left, right, picture[1], picture[0])
     value = np.zeros(6)
     every, passes = 3, 0
     while True:
@@ -102,7 +111,7 @@ def rig_error(
         for band in (b for b in bands if b % every == every // 2 or len(bands) < every):
             row = 2 + 6 * band
             for i in range(along):
-                step = row_steps(here, there, found, wanted, offset, row, 2 * i + 1)
+                step = row_steps(here, there, gain, found, wanted, offset, row, 2 * i + 1)
                 if step is None or step[1] <= flat or abs(step[0]) >= 2:
                     continue
                 rows.append(terms[row, 2 * i + 1])

@@ -201,6 +201,7 @@ struct RowStepRow {
   const float* disparity;  // of each cell, columns
   const float* offset;
   const float* wanted;  // 1 for cells that count, 0 for others
+  float gain;           // factor on the right view
   float* sums;          // row_step_sums planes of `cells` values; the kernel adds to them; cell 0 is left out
 };
 

@@ -52,6 +52,7 @@ void row_step_row(const RowStepRow& row) {
   const float end = static_cast<float>(row.columns - 1);
   const float bottom = static_cast<float>(row.rows - 1);
   const float place = static_cast<float>(row.row);
+  const float gain = row.gain;
   for (int first = 1; first < row.cells; first += chunk) {  // the first cell has no column to its left
     const int count = row.cells - first < chunk ? row.cells - first : chunk;
     const float* const here = row.left + row.row * columns + 2 * first;
@@ -83,7 +84,7 @@ void row_step_row(const RowStepRow& row) {
       counts[i] = (inside & lit) != 0 ? wanted[i] : 0.0f;
       gx[i] = counts[i] * 0.5f * (here[2 * i + 1] - here[2 * i - 1]);
       gy[i] = counts[i] * 0.5f * (below[2 * i] - above[2 * i]);
-      rest[i] = counts[i] * (level - there);
+      rest[i] = counts[i] * (level - gain * there);
     }
     float* const sums = row.sums + first;
     const float* const plain[] = {counts, gx, gy, rest};

@@ -15,6 +15,9 @@ namespace {
 constexpr int rows_per_block = 4;
 constexpr int edge_cells = 1;  // left out along the edge of a field of view, because they show both sides
 constexpr double one_in_a_thousand = 3.09;  // standard deviations
+constexpr int rows_per_gain = 8;  // contrast is read in every eighth row
+constexpr double least_contrast = 4.0;  // grey levels squared; less tells nothing of the gain
+constexpr double most_gain = 4.0;
 constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 
 // Standard deviation of the noise, from the median size of the mixed second difference. A mask of 1 -2 1 along both axes makes
@@ -71,6 +74,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   known_ = known;
   if (count_of(cells_) == 0) {
     left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
+    gain_ = 1.0;
     return;
   }
   const PlanarView* const views[] = {&left, &right};
@@ -78,6 +82,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   find_fields_and_noise(views);
   place(disparity, grid);
   match();
+  find_gain();
   correlate();
   sum_up();
 }
@@ -136,6 +141,29 @@ void MatchedViews::match() {
     }
   };
   parallel_for(cells_.height, rows_per_block, match_rows, workers_);
+}
+
+// The contrast of each view is its variance over the whole picture, so blur in one view changes it little.
+void MatchedViews::find_gain() {
+  std::array<double, correlation_sums> total{};
+  for (int y = 0; y < cells_.height; y += rows_per_gain) {
+    const float* plane = sums_of(y);
+    for (double& sum : total) {
+      // Lanes, so that the processor need not wait for each sum before it adds to it.
+      std::array<float, 8> lanes{};
+      for (int x = 0; x < cells_.width; ++x) lanes[static_cast<size_t>(x % 8)] += plane[x];
+      sum += std::accumulate(lanes.begin(), lanes.end(), 0.0);
+      plane += cells_.width;
+    }
+  }
+  const double count = std::max(1.0, total[0]);
+  const auto contrast = [&](size_t view) {
+    const double mean = total[1 + view] / count;
+    return total[3 + view] / count - mean * mean - noise_of_column(static_cast<int>(view));
+  };
+  const double left = contrast(0);
+  const double right = contrast(1);
+  gain_ = std::min(left, right) > least_contrast ? std::clamp(std::sqrt(left / right), 1.0 / most_gain, most_gain) : 1.0;
 }
 
 void MatchedViews::correlate() {

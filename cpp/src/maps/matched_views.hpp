@@ -80,6 +80,10 @@ class MatchedViews {
   const float* left(int y) const { return brightness_[0].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
   const float* right(int y) const { return brightness_[1].data() + static_cast<ptrdiff_t>(y) * 2 * cells_.width; }
 
+  // Contrast of the left view over that of the right one, where they were matched: 2 where the right camera exposes half as
+  // much. 1 where it cannot be told.
+  double gain() const { return gain_; }
+
   // Mean correlation of all cells that can be compared, 0 if there are none. Its upper bound, which the true mean exceeds for
   // one pair in a thousand. The share of the field of view that these cells make up.
   double correlation() const { return mean_correlation_; }
@@ -92,6 +96,7 @@ class MatchedViews {
   void find_fields_and_noise(const PlanarView* const (&views)[2]);
   void find_field(int view);
   void match();
+  void find_gain();
   void correlate();
   void place(const FloatView& disparity, Scale grid);
   void sum_up();
@@ -103,6 +108,7 @@ class MatchedViews {
   int unit_ = 0;
   double left_noise_ = 0.0;
   double right_noise_ = 0.0;
+  double gain_ = 1.0;
   double mean_correlation_ = 0.0;
   double most_correlation_ = 0.0;
   double textured_share_ = 0.0;

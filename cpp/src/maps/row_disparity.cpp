@@ -123,7 +123,7 @@ void RowDisparity::measure_band(int band, int first, int worker) {
     const int here = row + r - 1;
     kernels().row_step_row({views_->left(0), views_->right(0), 2 * cells.width, cells.height, here, cells.width,
                             views_->disparity(here), offset,
-                            wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, sums});
+                            wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, static_cast<float>(views_->gain()), sums});
   }
   const PoseMeasurements::Span out = measurements_.from(first);
   kernels().row_windows({sums, cells.width, along_, ridge, flat_, enough_information, longest_step, out.rest, out.weight});

@@ -118,16 +118,16 @@ ModelFile copy_model(const void* data, size_t size, const ModelProof& proof) {
 
 ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256) {
   const std::string format = required(lookup, "format_version");
-  require(format == model_format_version, ENDO_MODEL_METADATA, "endosdk.format_version",
+  require(format == model_format_version, ENDO_MODEL_METADATA, prefix + "format_version",
           std::string("this release reads format ") + model_format_version, in_quotes(format));
   const std::string order = required(lookup, "channel_order");
-  require(order == "rgb", ENDO_MODEL_METADATA, "endosdk.channel_order", "must be rgb", in_quotes(order));
+  require(order == "rgb", ENDO_MODEL_METADATA, prefix + "channel_order", "must be rgb", in_quotes(order));
   ModelInfo info;
   info.training = required(lookup, "training");
   require(is_json(info.training) && info.training[info.training.find_first_not_of(" \t\r\n")] == '{', ENDO_MODEL_METADATA,
-          "endosdk.training", "must be a JSON object", "another text");
+          prefix + "training", "must be a JSON object", "another text");
   info.name = required(lookup, "name");
-  require(is_plain_name(info.name), ENDO_MODEL_METADATA, "endosdk.name",
+  require(is_plain_name(info.name), ENDO_MODEL_METADATA, prefix + "name",
           "must be 1 to 100 letters, digits, '.', '_' or '-', and begin with a letter or a digit", in_quotes(info.name));
   info.version = required(lookup, "version");
   info.input_multiple = positive(lookup, "input_multiple");
