@@ -59,7 +59,7 @@ def measure(folder: Path) -> dict[str, Any]:
 def _pair(rig: StereoCalibration, left: Points, right: Points) -> dict[str, float]:
     geometry = rig.rectification()
     a, b = rectify_points(rig, left, right)
-    depth = geometry.focal_px * geometry.baseline_mm / (a[:, 0] - b[:, 0] + geometry.doffs)
+    depth = geometry.depth_of(a[:, 0] - b[:, 0])
     rows = np.abs(a[:, 1] - b[:, 1])
     return {
         "row_median_px": float(np.median(rows)),

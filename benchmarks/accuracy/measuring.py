@@ -115,9 +115,8 @@ def outline(piece: Mask) -> list[tuple[float, float]]:
 
 def with_true_depth(result: DepthResult, disparity: NDArray[np.float32]) -> DepthResult:
     """Return the answer with the true depth wherever it has one."""
-    g = result.geometry
-    assert g is not None
-    true = (g.focal_px * g.baseline_mm / (disparity + g.doffs)).astype(np.float32)
+    assert result.geometry is not None
+    true = result.geometry.depth_of(disparity)
     known = np.isfinite(result.depth)
     return replace(result, maps=result.maps._replace(depth=np.where(known, true, np.float32(np.nan))))
 

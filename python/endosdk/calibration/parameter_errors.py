@@ -186,6 +186,5 @@ def _moved(calibration: StereoCalibration, step: Matrix) -> StereoCalibration | 
 
 def _triangulated(calibration: StereoCalibration, left: Matrix, right: Matrix) -> Matrix:
     """Return the depth of matching raw pixels, mm."""
-    g = calibration.rectification()
     a, b = rectify_points(calibration, left, right)
-    return np.asarray(g.focal_px * g.baseline_mm / (a[:, 0] - b[:, 0] + g.doffs))
+    return calibration.rectification().depth_of(a[:, 0] - b[:, 0])

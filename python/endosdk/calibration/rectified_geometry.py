@@ -6,6 +6,7 @@ Lengths are millimetres, and image coordinates put (0, 0) at the centre of the f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from endosdk.calibration.rules import check_crop, check_size, finite_array
 from endosdk.errors import InvalidCalibration
 
 Matrix = npt.NDArray[np.float64]
+Values = TypeVar("Values", npt.NDArray[np.float32], npt.NDArray[np.float64])
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,14 @@ class RectifiedGeometry:
     def doffs(self) -> float:
         """Right cx minus left cx in pixels: ``depth = focal_px * baseline_mm / (disparity + doffs)``."""
         return float(self.P2[0, 2] - self.P1[0, 2])
+
+    def depth_of(self, disparity: Values) -> Values:
+        """Return the depth in mm of disparities in px, of any shape; what lies at infinity or behind is no depth."""
+        return self.focal_px * self.baseline_mm / (disparity + self.doffs)
+
+    def disparity_of(self, depth: Values) -> Values:
+        """Return the disparity in px of depths in mm, of any shape."""
+        return self.focal_px * self.baseline_mm / depth - self.doffs
 
     def scaled(self, width: int, height: int) -> RectifiedGeometry:
         """Return the geometry of the rectified pair resized to ``width`` x ``height``."""

@@ -97,7 +97,7 @@ def _like_the_answer(truth: Map, result: DepthResult) -> Map:
     if rig is None:
         return truth
     with np.errstate(divide="ignore"):
-        depth = rig.focal_px * rig.baseline_mm / (truth + rig.doffs)
+        depth = rig.depth_of(truth)
     return np.asarray(np.where(depth > 0, depth, np.nan))
 
 

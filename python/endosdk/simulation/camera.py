@@ -49,6 +49,14 @@ class StereoCamera:
             [[self.focal_px, 0, (self.width - 1) / 2], [0, self.focal_px, (self.height - 1) / 2], [0, 0, 1.0]]
         )
 
+    def depth_of(self, disparity: float) -> float:
+        """Return the depth in mm of a disparity in px."""
+        return self.focal_px * self.baseline_mm / disparity
+
+    def disparity_of(self, depth: float) -> float:
+        """Return the disparity in px of a depth in mm."""
+        return self.focal_px * self.baseline_mm / depth
+
 
 @dataclass(frozen=True)
 class View:

@@ -86,9 +86,9 @@ def draw_range(
     names = list(spans)
     span = names[int(rng.choice(len(names), p=[spans[name][0] for name in names]))]
     far, near = (float(rng.uniform(*bounds)) for bounds in spans[span][1:])
-    product = camera.focal_px * camera.baseline_mm
-    top = min(product / NEAREST_MM, largest)
-    bottom = min(product / (OBJECTS_FARTHEST_MM if spans is OBJECT_SPANS else FARTHEST_MM), 0.25 * top)
+    top = min(camera.disparity_of(NEAREST_MM), largest)
+    farthest = OBJECTS_FARTHEST_MM if spans is OBJECT_SPANS else FARTHEST_MM
+    bottom = min(camera.disparity_of(farthest), 0.25 * top)
     return SceneRig(
         camera,
         centre,

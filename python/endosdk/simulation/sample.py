@@ -200,7 +200,7 @@ def _fit_scale(renderer: Renderer, pose: Pose, camera: StereoCamera, wanted: flo
 
 
 def _largest_disparity(depth: Array, camera: StereoCamera) -> float:
-    return camera.focal_px * camera.baseline_mm / float(depth.min())
+    return camera.disparity_of(float(depth.min()))
 
 
 def draw_truth(

@@ -140,7 +140,7 @@ def _true_disparity(
     depth = points @ geometry.R1[2].astype(np.float32)
     known = np.isfinite(depth) & (depth > 0)
     raw = np.full(depth.shape, np.nan, np.float32)
-    raw[known] = geometry.focal_px * geometry.baseline_mm / depth[known] - geometry.doffs
+    raw[known] = geometry.disparity_of(depth[known])
     smooth, nearest = (
         cv2.remap(raw, where[..., 0], where[..., 1], mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(np.nan,) * 4)
         for mode in (cv2.INTER_LINEAR, cv2.INTER_NEAREST)

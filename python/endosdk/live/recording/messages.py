@@ -55,8 +55,7 @@ def messages(recording: Recording, types: Any, ros1: bool) -> Iterator[Message]:
             yield Message("/stereo/left/camera_info", at, make.camera(at, LEFT, rig, geometry))
             yield Message("/stereo/right/camera_info", at, make.camera(at, RIGHT, rig, geometry))
             yield Message("/stereo/depth", at, make.map(at, values / np.float32(1000)))
-            disparity = geometry.focal_px * geometry.baseline_mm / values - geometry.doffs
-            yield Message("/stereo/disparity", at, make.disparity(at, disparity.astype(np.float32), geometry))
+            yield Message("/stereo/disparity", at, make.disparity(at, geometry.disparity_of(values), geometry))
             yield Message("/stereo/points", at, make.points(at, values, geometry))
         else:
             yield Message("/stereo/disparity", at, make.disparity(at, values, None))

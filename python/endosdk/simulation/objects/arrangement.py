@@ -94,13 +94,13 @@ def _placed_object(rng: np.random.Generator, rig: SceneRig) -> tuple[str, Patche
     low, high = rig.farthest, rig.nearest
     even = rng.random() < 0.5
     disparity = rng.uniform(low, high) if even else np.exp(rng.uniform(np.log(low), np.log(high)))
-    distance = rig.camera.focal_px * rig.camera.baseline_mm / float(disparity)
+    distance = rig.camera.depth_of(float(disparity))
     place = rng.uniform((-0.1, -0.1), (1.15, 1.1)) * (rig.camera.width, rig.camera.height)
     sight = np.array([*((place - rig.centre) / rig.camera.focal_px), 1.0])
     half = min(0.5 * size_px * distance / rig.camera.focal_px, 0.5 * distance)
     points = half * patches.points @ _turn(rng) + distance * sight
     # A corner that would come too near moves the whole object away, along its line of sight: it looks the same.
-    nearest = rig.camera.focal_px * rig.camera.baseline_mm / rig.nearest
+    nearest = rig.camera.depth_of(rig.nearest)
     closest = max(float(points[..., 2].min()), 0.02 * distance)
     points = points * max(1.0, nearest / closest)
     return name, patches.moved(points), distance * max(1.0, nearest / closest)
@@ -119,7 +119,6 @@ def _turn(rng: np.random.Generator) -> Floats:
 
 def _walls(rng: np.random.Generator, rig: SceneRig, kind: str) -> Iterator[tuple[Patches, float]]:
     """Yield a backdrop that fills the view, and the walls in front of it, each with its typical distance."""
-    product = rig.camera.focal_px * rig.camera.baseline_mm
     yield _plane(rng, rig, rig.farthest * float(rng.uniform(0.5, 1.0)), 0.0, 0.0)
     middle = rig.farthest * (rig.nearest / rig.farthest) ** float(rng.uniform(0.05, 0.6))
     room = min(middle - 0.6 * rig.farthest, rig.nearest - middle)
@@ -128,7 +127,7 @@ def _walls(rng: np.random.Generator, rig: SceneRig, kind: str) -> Iterator[tuple
     elif kind == "floor":
         yield _plane(rng, rig, middle, 0.5 * room, float(rng.uniform(0.02, 0.15)))
     elif kind == "room":
-        distance = product / middle
+        distance = rig.camera.depth_of(middle)
         half = np.array([rig.camera.width, rig.camera.height, 0.0]) * 0.5 * distance / rig.camera.focal_px
         half = half * rng.uniform(0.55, 1.1, 3) + np.array([0, 0, distance])
         turn = np.linalg.qr(np.eye(3) + 0.12 * rng.normal(size=(3, 3)))[0]

@@ -28,7 +28,7 @@ def render_objects(renderer: Renderer, seed: int, rig: SceneRig) -> Sample:
     sensor = replace(draw_sensor(rng), noise=0.0, shot_noise=0.0, jpeg_quality=0)
     pair = rig.pair()
     scale, (left, right) = _truth(renderer, pair, rig.nearest)
-    reach = rig.camera.focal_px * rig.camera.baseline_mm / float(np.nanmedian(left))
+    reach = rig.camera.depth_of(float(np.nanmedian(left)))
     middle = (0.5 * rig.camera.baseline_mm, 0.0, 0.0)
     light = [renderer.colour(view, HERE, scale, lamp, middle, reach) for view in (pair.left, pair.right)]
     renderer.clear()

@@ -39,7 +39,7 @@ class BareView:
     @property
     def nearest(self) -> float:
         """Depth in mm of the nearest that the rig may show."""
-        return self.rig.camera.focal_px * self.rig.camera.baseline_mm / self.rig.limit
+        return self.rig.camera.depth_of(self.rig.limit)
 
     def sight(self, place: Floats) -> Floats:
         """Return the ray with z = 1 through a pixel."""
