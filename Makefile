@@ -7,6 +7,9 @@ SAMPLES := examples/data
 BIN := $(VENV)/bin
 # Modules are compiled when they are first imported: to compile all of them takes a minute.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+# In .venv and not in an environment that pip makes and forgets: `make demo` and `make test` compile alike.
+BUILD_TOOLS = $$($(BIN)/python -c 'import tomllib; \
+    print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])') cmake ninja
 # Files in their order: by the number of tests, the few that take minutes would come last, and one process would wait.
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder
 export ORT_DISABLE_TELEMETRY := 1
@@ -64,13 +67,14 @@ $(VENV)/.docs: $(VENV)/.develop
 # What an application needs: the package with its processor runtime, no training, no renderer.
 $(VENV)/.runtime: $(VENV)/.python pyproject.toml CMakeLists.txt $(shell find cpp models examples/data python -type f -not -name '*.pyc')
 	@echo "installing endosdk and its run time into $(VENV)"
-	@if [ -f $(VENV)/.develop ]; then $(MAKE) --no-print-directory $(VENV)/.develop; else $(PIP) '.[cpu]'; fi
+	@if [ -f $(VENV)/.develop ]; then $(MAKE) --no-print-directory $(VENV)/.develop; else \
+	    $(PIP) $(BUILD_TOOLS) && $(PIP) --no-build-isolation '.[cpu]'; fi
 	@touch $@
 
 # What a developer needs: an editable install with every extra.
 $(VENV)/.develop: $(VENV)/.python pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp -type f)
 	@echo "installing endosdk, training, renderer and test tools into $(VENV) (a few minutes the first time)"
-	@$(PIP) 'scikit-build-core>=1.0' 'pybind11>=3.0' cmake ninja
+	@$(PIP) $(BUILD_TOOLS)
 	@$(PIP) --no-build-isolation -e '.[cpu,train,simulate,live,ray,viz,dev]'
 	@touch $@ $(VENV)/.runtime
 
