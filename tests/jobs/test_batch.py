@@ -98,13 +98,13 @@ def test_several_processes_give_the_same_bytes(archive, settings, done, tmp_path
 @pytest.mark.slow
 @ray_quiet
 def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path):
-    many(archive, tmp_path, 200)
+    many(archive, tmp_path, 80)
     with ray_cluster(), a_worker_killed(tmp_path / "out", "pairs/*"):
         run_batch(find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out", workers=2, ray=True)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "batch.json", "pairs"]
     expected = contents(done / "pairs" / NAMES[0])
     expected.pop("result.json")  # it has the names
-    for number in range(200):
+    for number in range(80):
         found = contents(tmp_path / "out" / "pairs" / str(number))
         assert json.loads(found.pop("result.json"))["left"] == f"{number}.png"
         assert found == expected
