@@ -11,7 +11,7 @@ import pytest
 from endosdk import DepthEstimator, DepthResult, StereoCalibration
 from endosdk.errors import CalibrationRequired, InvalidArgument
 from endosdk.io.pictures import read_frame
-from endosdk.measure import RawLeftView, points_in_raw_left_camera, raw_to_rectified
+from endosdk.measure import RawLeftView, points_in_raw_left_camera, raw_to_rectified, rectified_to_raw
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.rigs import fisheye_rig, raw_rig, rotation
 
@@ -35,6 +35,19 @@ def of_the_plane(rig: StereoCalibration) -> DepthResult:
     sights = np.stack([(columns - g.cx) / g.focal_px, (rows - g.cy) / g.focal_y_px, np.ones((480, 640))], axis=-1)
     depth = (PLANE_MM / (sights @ g.R1 @ NORMAL)).astype(np.float32)
     return replace(result, maps=result.maps._replace(depth=depth, sigma=depth / 100))
+
+
+def test_raw_pixels_that_no_ray_reaches_have_no_place() -> None:
+    """The lens model bends back at 0.70 focal lengths; the corners of the frame lie at 1.2."""
+    lens = np.array([-0.3, 0.0, 0.0, 0.0, 0.0])
+    matrix = np.array([[500.0, 0, 479.5], [0, 500.0, 359.5], [0, 0, 1]])
+    rig = StereoCalibration(960, 720, matrix, matrix, lens, lens, np.eye(3), np.array([-5.0, 0.0, 0.0]))
+    pixels = np.stack(np.meshgrid(np.arange(0, 960, 7.0), np.arange(0, 720, 7.0)), axis=-1).reshape(-1, 2)
+    places = raw_to_rectified(rig, pixels)
+    known = np.isfinite(places).all(axis=1)
+    radius = np.hypot(*((pixels - matrix[:2, 2]) / 500).T)
+    assert not known[radius > 0.71].any() and known[radius < 0.5].all()
+    np.testing.assert_allclose(rectified_to_raw(rig, places[known]), pixels[known], atol=0.01)
 
 
 @pytest.mark.parametrize("lens", ["pinhole", "fisheye"])

@@ -8,7 +8,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import Window
 from endosdk.training.networks.cascade import resized
-from endosdk.training.networks.fast import CELL, DISPARITY_HINT
+from endosdk.training.networks.comparison import CELL, DISPARITY_HINT
 from endosdk.training.parity import check_parity, parity_pairs
 from endosdk.training.quantize import quantize_model
 from tests.training.exported_networks import shaken

@@ -330,7 +330,7 @@ typedef struct endo_result {
     float *sigma;                     /* expected absolute error of depth, mm: the scale of a Laplace law, about two thirds
                                          of the errors are smaller; NaN as depth */
     uint8_t *reasons;                 /* endo_reason bits; 0: the pixel is valid */
-    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px; 0: reasons are set, or it is over 65535 */
+    uint16_t *disparity_u16;          /* disparity in steps of 1/256 px; 0: reasons are set, or it is negative or too large */
     uint16_t *depth_u16;              /* depth in steps of options.depth_unit_mm; 0 as in disparity_u16 */
     uint64_t frame;                   /* out: counts the frames of this estimator from 1; 0 when the call failed */
     double valid_share;               /* out: share of pixels that are valid */

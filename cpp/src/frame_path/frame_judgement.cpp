@@ -36,14 +36,16 @@ constexpr double least_found = 0.7;
 // The frames were compared before the network ran. If they only share an overlay, the rest of the frames differs, and the matches
 // of the scene are not those of one picture. Frames that are rectified first have other matches than the network can find. There,
 // the rest of the frames decides alone.
-void judge_same_view(const FrameToJudge& frame, FrameReport& report) {
+void judge_same_view(const FrameToJudge& frame, FrameReport& report, std::vector<double>& apart) {
+  // Before any return, so that frames after the first allocate nothing.
+  apart.reserve(count_of(frame.seen.views.size()) / same_view_step);
   if (!report.causes.raised(Cause::same_view_twice) || frame.rest_apart < displacement_of_one_view) return;
   const RectifyStage& stage = frame.stage;
   const Size picture = stage.picture();
   const bool rectifies = frame.rig != nullptr && !frame.rig->is_rectified();
   const double shift = stage.right_shift() * picture.width / stage.frame().width;
   const bool only_overlay = rectifies ? frame.rest_apart > rest_of_one_view
-                                      : matches_from_one_picture(frame.seen.views, picture, shift) > one_picture_matches;
+                                      : matches_from_one_picture(frame.seen.views, picture, shift, apart) > one_picture_matches;
   if (only_overlay) report.causes.set(Cause::same_view_twice, frame.rest_apart);
 }
 
@@ -76,7 +78,7 @@ void FrameJudgement::judge(const FrameToJudge& frame, FrameReport& report) {
   report.causes.set(Cause::blurred, seen.measures.blur());
   report.causes.set(Cause::dim, seen.measures.level());
   report.causes.set(Cause::repeated_pattern, seen.rivals);
-  judge_same_view(frame, report);
+  judge_same_view(frame, report, apart_);
   judge_rig(frame, report);
   if (report.causes.raised(Cause::same_view_twice)) return;
   const bool failed = report.causes.raised(Cause::views_differ) || report.causes.raised(Cause::few_valid);

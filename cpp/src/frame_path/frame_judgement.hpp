@@ -30,6 +30,7 @@ class FrameJudgement {
   void explain_failure(const FrameToJudge& frame, bool failed, FrameReport& report);
 
   CoarseMatch coarse_match_;
+  std::vector<double> apart_;  // disparities of matches
 };
 
 }  // namespace endosdk

@@ -128,13 +128,12 @@ void FramePath::prepare(Size frame) {
   const std::lock_guard lock(calls_);
   check_open();
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
-  const Clock::time_point asked = Clock::now();
   check_frame_size(frame, "size");
   network_size(frame);  // refuses one that is too narrow, before memory is taken for it
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
   const std::vector<uint8_t> black(rgb_bytes(frame));
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
-  compute({view, view, ChannelOrder::rgb}, {}, asked);
+  compute({view, view, ChannelOrder::rgb}, {});
   watch_.make_room(*slot_);
   const std::lock_guard state(state_);
   if (latest_ != slot_) latest_.reset();  // the memory of the size before
@@ -150,8 +149,9 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
     check_stamp(pair);
     check_maps(wanted, pair.size(), calibration() != nullptr);
     const LoopThreads threads(settings_.threads, settings_.thread_hook);
-    FrameReport report = compute(pair, wanted, asked);
+    FrameReport report = compute(pair, wanted);
     watch_.add(report, *slot_);
+    finish(report, asked);
     keep_latest(slot_);
     hand_out(report);
     return report;
@@ -161,7 +161,7 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
   }
 }
 
-FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked) {
+FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted) {
   Work work(cancelling_);
   const Clock::time_point started = Clock::now();
   const std::shared_ptr<Slot> former = slot_;
@@ -170,7 +170,6 @@ FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted, Clo
     FrameReport report;
     report.rectify_ms = milliseconds(started, Clock::now());
     compute_in(*slot, pair, wanted, work, report);
-    finish(report, asked);
     return report;
   } catch (...) {
     if (former) use(former);  // a frame of another size that failed must not cost the next one its maps
@@ -193,8 +192,8 @@ void FramePath::compute_in(Slot& slot, const FramePair& pair, const MapsOut& wan
 
 void FramePath::finish(FrameReport& report, Clock::time_point asked) const {
   report.total_ms = milliseconds(asked, Clock::now());
-  report.late = settings_.deadline_ms > 0.0 && report.total_ms > settings_.deadline_ms;
   if (settings_.deadline_ms > 0.0) report.causes.set(Cause::late, report.total_ms / settings_.deadline_ms);
+  report.late = report.causes.raised(Cause::late);
 }
 
 void FramePath::judge_age(FrameReport& report) const {
@@ -260,12 +259,12 @@ std::unique_ptr<Stream> FramePath::stream(Size frame) {
   auto stage = slot_ && slot_->stage().frame() == frame
                    ? slot_->shared_stage()
                    : std::make_shared<const RectifyStage>(frame, rig.get(), network_size(frame), [&] { work.check(); });
-  {
-    const std::lock_guard state(state_);
-    picture_ = stage->picture();
-  }
-  auto session = sessions_.for_one_thread_each(stage->picture());
-  return std::make_unique<Stream>(shared_from_this(), std::move(session), std::move(stage), rig);
+  const Size picture = stage->picture();
+  auto session = sessions_.for_one_thread_each(picture);
+  auto stream = std::make_unique<Stream>(shared_from_this(), std::move(session), std::move(stage), rig);
+  const std::lock_guard state(state_);
+  picture_ = picture;
+  return stream;
 }
 
 void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, size_t capacity) {

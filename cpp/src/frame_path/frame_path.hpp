@@ -89,7 +89,7 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   void use(std::shared_ptr<Slot> slot);
   void keep_calibration(std::shared_ptr<const Rig> rig);
   double nearest_depth_mm(const Rig* rig) const;
-  FrameReport compute(const FramePair& pair, const MapsOut& wanted, Clock::time_point asked);
+  FrameReport compute(const FramePair& pair, const MapsOut& wanted);
   void compute_in(Slot& slot, const FramePair& pair, const MapsOut& wanted, Work& work, FrameReport& report);
   void finish(FrameReport& report, Clock::time_point asked) const;
   void judge_age(FrameReport& report) const;

@@ -60,7 +60,10 @@ std::vector<Point> RectifyStage::places_of_cells(const Rig* rig, bool right) con
   std::vector<Point> places;
   places.reserve(count_of(cells));
   for (int y = 0; y < cells.height; ++y) {
-    for (int x = 0; x < cells.width; ++x) places.push_back(map.at((x + 0.5) * cell - 0.5, (y + 0.5) * cell - 0.5).pixel);
+    for (int x = 0; x < cells.width; ++x) {
+      const SourceMap::Source found = map.at((x + 0.5) * cell - 0.5, (y + 0.5) * cell - 0.5);
+      places.push_back(found.unfolded ? found.pixel : nowhere);
+    }
   }
   return places;
 }

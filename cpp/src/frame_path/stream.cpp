@@ -103,8 +103,9 @@ std::optional<Stream::Answer> Stream::receive() {
   lock.unlock();
   try {
     if (answer.error) std::rethrow_exception(answer.error);
-    if (const auto correction = watch_rig(answer.report, *frame.slot)) correct_rectification(*correction);
+    const auto correction = watch_rig(answer.report, *frame.slot);
     path_->hand_out(answer.report);
+    if (correction) correct_rectification(*correction);
   } catch (...) {
     answer.error = std::current_exception();  // the frame is received all the same, and its maps are free again
     path_->counters_.add_failure();

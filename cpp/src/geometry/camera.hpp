@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "geometry/linear.hpp"
 
@@ -13,6 +14,8 @@ struct Point {
   double x = 0.0;
   double y = 0.0;
 };
+
+constexpr Point nowhere = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
 
 // Intrinsics in pixels, and distortion in OpenCV's order: pinhole k1 k2 p1 p2 k3 k4 k5 k6, fisheye k1 k2 k3 k4. Coefficients
 // that a calibration does not have are zero.

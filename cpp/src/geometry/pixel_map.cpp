@@ -14,7 +14,7 @@ namespace {
 // OpenCV's five steps end up to a pixel away at the edge of an endoscope's view: Newton's method goes on from there.
 constexpr int newton_steps = 4;
 constexpr double step_px = 1e-3;  // for slopes by differences
-constexpr Point nowhere = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
+constexpr double same_px = 0.01;
 
 // By each row's heights of covered columns above it.
 std::array<int, 4> largest_rectangle(const std::vector<uint8_t>& left, const std::vector<uint8_t>& right, Size size) {
@@ -71,7 +71,10 @@ Point PixelMap::to_rectified(Side side, Point raw) const {
     const double determinant = a * d - b * c;
     found = {found.x + (d * off.x - b * off.y) / determinant, found.y + (a * off.y - c * off.x) / determinant};
   }
-  return map.at(found.x, found.y).unfolded ? found : nowhere;
+  // Outside the circle that a lens model covers, the steps end anywhere.
+  const SourceMap::Source back = map.at(found.x, found.y);
+  const bool same = std::hypot(back.pixel.x - raw.x, back.pixel.y - raw.y) <= same_px;  // false for NaN
+  return back.unfolded && same ? found : nowhere;
 }
 
 Vec3 PixelMap::to_raw_left(const Vec3& point) const { return multiply(transpose(geometry_.views.left_rotation), point); }

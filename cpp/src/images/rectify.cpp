@@ -12,6 +12,9 @@
 namespace endosdk {
 namespace {
 
+// A map that leaves a view as it is may miss the outermost pixels by rounding.
+constexpr double rounding_px = 1e-6;
+
 constexpr int rows_per_block = 16;
 constexpr int steps_per_pixel = 128;  // resolution of a stored position
 
@@ -93,13 +96,13 @@ ViewMap::Kind ViewMap::place(Point position, const MapSource& source, size_t ind
 }
 
 void ViewMap::build_row(const SourceMap& map, const MapSource& source, int y, Kind* kinds) {
-  const double right = source.size.width - 1.0;
-  const double bottom = source.size.height - 1.0;
+  const double right = source.size.width - 1.0 + rounding_px;
+  const double bottom = source.size.height - 1.0 + rounding_px;
   for (int x = 0; x < size_.width; ++x) {
     const size_t index = y * size_.width + x;
     const SourceMap::Source found = map.at(x, y);
     const Point p = found.pixel;
-    valid_[index] = found.unfolded && p.x >= 0.0 && p.y >= 0.0 && p.x <= right && p.y <= bottom;
+    valid_[index] = found.unfolded && p.x >= -rounding_px && p.y >= -rounding_px && p.x <= right && p.y <= bottom;
     kinds[index] = place(p, source, index);
   }
 }

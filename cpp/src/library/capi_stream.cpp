@@ -18,6 +18,13 @@ using endosdk::require_pointer;
 using endosdk::Stream;
 using endosdk::with;
 
+namespace {
+
+// Results of a stream at a time: one for each writer, and one that is being submitted while it waits for room.
+size_t places_of(size_t writers) { return writers + 1; }
+
+}  // namespace
+
 extern "C" {
 
 endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t height, int32_t* frames_in_flight,
@@ -29,7 +36,7 @@ endo_status endo_stream_open(endo_estimator* estimator, int32_t width, int32_t h
       std::unique_ptr<Stream> opened = path.stream({width, height});
       const size_t slots = static_cast<size_t>(opened->lanes()) + 1;
       if (frames_in_flight != nullptr) *frames_in_flight = opened->lanes();
-      estimator->in_flight->make_room(slots);
+      estimator->in_flight->make_room(places_of(slots));
       *stream = new endo_stream{std::move(opened), std::vector<endosdk::ResultWriter>(slots), std::vector<endo_result*>(slots),
                                 estimator->in_flight};
     });
@@ -119,6 +126,7 @@ void endo_stream_close(endo_stream* stream) {
   for (uint64_t i = stream->received; i < stream->submitted; ++i) {
     stream->writers[static_cast<size_t>(i % stream->writers.size())].let_go();
   }
+  stream->in_flight->give_back(places_of(stream->writers.size()));
   delete stream;
 }
 

@@ -8,7 +8,13 @@ namespace endosdk {
 
 void ResultsInFlight::make_room(size_t more) {
   const std::lock_guard lock(mutex_);
-  taken_.reserve(taken_.size() + more);
+  promised_ += more;
+  taken_.reserve(promised_);
+}
+
+void ResultsInFlight::give_back(size_t room) {
+  const std::lock_guard lock(mutex_);
+  promised_ -= room;
 }
 
 void ResultsInFlight::check_locked(const endo_result* result, const MapsOut& maps, uint64_t pixels) const {

@@ -12,8 +12,9 @@ namespace endosdk {
 
 class ResultsInFlight {
  public:
-  // For so many more results, so that frames take no memory.
+  // For the results of one more stream, so that frames take no memory; and their room given back when the stream is closed.
   void make_room(size_t more);
+  void give_back(size_t room);
 
   // Refuses a result that is in flight itself, or has maps in the memory of one that is.
   void check(const endo_result* result, const MapsOut& maps, uint64_t pixels);
@@ -35,6 +36,7 @@ class ResultsInFlight {
 
   std::mutex mutex_;
   std::vector<Taken> taken_;
+  size_t promised_ = 0;  // places of all streams
 };
 
 }  // namespace endosdk

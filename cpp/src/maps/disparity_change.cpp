@@ -75,6 +75,10 @@ void DisparityChange::sum_blocks(const ChangingMaps& maps, const FloatView& move
 }
 
 void DisparityChange::follow_camera(MutableFloatView moved) {
+  // All that any frame of this size can need, so that later ones allocate nothing.
+  samples_.reserve(blocks_.size());
+  left_over_.reserve(blocks_.size());
+  sorted_.reserve(blocks_.size());
   samples_.clear();
   for (const Block& one : blocks_) {
     if (one.weight < least_weight) continue;

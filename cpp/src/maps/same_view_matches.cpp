@@ -3,16 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 namespace endosdk {
 
-double matches_from_one_picture(const MatchedViews& views, Size picture, double right_shift) {
-  constexpr int step = 4;  // every so many cells along both axes
+double matches_from_one_picture(const MatchedViews& views, Size picture, double right_shift, std::vector<double>& apart) {
+  constexpr int step = same_view_step;
   constexpr double least_share = 0.125;  // of these cells
   constexpr double share = 0.8;
   const Size cells = views.size();
-  std::vector<double> apart;
+  apart.clear();
   int looked_at = 0;
   for (int y = step / 2; y < cells.height; y += step) {
     for (int x = step / 2; x < cells.width; x += step, ++looked_at) {
