@@ -96,7 +96,7 @@ def test_convert_writes_our_file_from_another_layout(tmp_path: Path) -> None:
         (["{rig}", "--size", "320x240"], "size: must agree with rig.json"),
         (["{rig}", "--size", "big"], "WIDTHxHEIGHT"),
         (["{rig}", "--layout", "matlab"], "layout: must be one of"),
-        (["{rig}", "--out", "{folder}/no/rig.json"], "path: must be writable"),
+        (["{rig}", "--out", "{rig}/rig.json"], "out: the folder must be writable"),
         (["{rig}", "{rig}"], "one file"),
     ],
 )

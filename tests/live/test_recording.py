@@ -28,6 +28,8 @@ from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.io.whole_files import whole_file
+from endosdk.live.frames import Frame
+from endosdk.live.recording import recorder
 from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
@@ -94,6 +96,42 @@ def test_every_frame_has_a_line(recorded):
         assert set(line["reasons"]) == {reason.name for reason in endosdk.Reason}
         assert line["milliseconds"]["session"] > 0
         assert 0 < line["valid_share"] <= 1
+
+
+@pytest.mark.parametrize("ending", ["", ".mkv"])
+def test_stamps_that_stand_still_where_a_part_ends_are_joined(tmp_path, monkeypatch, ending):
+    monkeypatch.setattr(recorder, "PART_FRAMES", 2)
+
+    class Standing(Source):
+        def _read(self, start):
+            for number, stamp in enumerate((0, 40_000_000, 40_000_000, 40_000_000, 80_000_000)):
+                if number >= start:
+                    yield Frame(*PAIRS[number], number, stamp)
+
+    assert record(Standing("standing"), estimator(), tmp_path / f"r{ending}")["frames"] == 5
+    frames = list(endosdk.open_source(tmp_path / f"r{ending}"))
+    assert [frame.stamp_ns for frame in frames] == [0, 40_000_000, 40_000_001, 40_000_002, 80_000_000]
+
+
+def test_what_a_source_says_of_its_length_is_no_limit(tmp_path):
+    class Short(Source):
+        count = 3
+
+        def _read(self, start):
+            for number in range(start, 5):
+                yield Frame(*PAIRS[number], number, 40_000_000 * number)
+
+    assert record(Short("short"), estimator(), tmp_path / "r")["frames"] == 5
+    assert record(Short("short"), estimator(), tmp_path / "some", most=4)["frames"] == 4
+
+
+def test_another_network_size_is_another_recording(video, tmp_path):
+    source = endosdk.open_source(video)
+    with Recorder(tmp_path / "r", estimator(), source):
+        pass
+    other = DepthEstimator(str(TINY_MODEL), calibration=RIG, threads=1, network_size=(64, 48))
+    with pytest.raises(InvalidArgument, match="network_size"):
+        Recorder(tmp_path / "r", other, source)
 
 
 def test_the_preview_can_be_played(recorded):

@@ -475,6 +475,55 @@ def test_a_stamp_that_runs_backwards_is_counted_on_and_told(caplog):
     assert "frame 2" in caplog.text
 
 
+def test_stamps_go_on_after_those_of_a_reading_before():
+    source = Fast([10, 50, 90])
+    assert [frame.stamp_ns for frame in source.frames(after_ns=40)] == [41, 81, 121]
+    assert "began anew" in source.faults[0]
+
+
+def test_stamps_before_the_start_of_a_video_are_moved_and_told():
+    source = Fast([-120, -80, -40])
+    assert [frame.stamp_ns for frame in source] == [0, 40, 80]
+    assert source.faults == ["frame 0: time stamps begin at -120 ns; 120 ns are added"]
+
+
+def test_a_picture_that_cannot_be_read_is_told_and_passed_over(tmp_path):
+    root = folders(tmp_path)
+    (root / "right" / "002.png").write_bytes((root / "right" / "002.png").read_bytes()[:300])
+    source = endosdk.open_source(root)
+    assert [frame.number for frame in source] == [0, 1, 3, 4]
+    assert source.dropped == 1
+    assert source.faults[0].startswith("pair 2 is lost: ") and "002.png" in source.faults[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("folders", {"layout": "top-bottom"}),
+        ("folders", {"scan": "interlaced"}),
+        ("folders", {"gap": 4}),
+        ("video", {"rate": 30.0}),
+        ("two videos", {"layout": "rows"}),
+        ("two videos", {"gap": 2}),
+    ],
+)
+def test_an_option_that_means_nothing_for_the_source_is_refused(tmp_path, kind, options):
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS))
+    word = {"folders": folders(tmp_path / "f"), "video": video, "two videos": (video, video)}[kind]
+    with pytest.raises(InvalidArgument, match=f"{next(iter(options))}: means nothing for this kind of source"):
+        endosdk.open_source(word, **options)
+
+
+def test_a_camera_that_was_closed_ends_and_is_not_opened_again(tmp_path):
+    path = write(tmp_path / "v.mkv", side_by_side(views(20)))
+    source = Fast(())
+    device = Device(source, str(path), SourceOptions(), container=None)
+    pictures = device.pictures()
+    next(pictures)
+    device.close()
+    assert list(pictures) == [] and source.faults == []
+
+
 def test_a_clock_that_begins_anew_goes_on(tmp_path):
     """Two recordings of one camera in one file, as a capture card writes them when it is started again."""
     options = {"container": "mpegts", "options": {"b": "4M", "g": "1"}}

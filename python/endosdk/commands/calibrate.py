@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ from endosdk.commands.sources import add_source, opened_source
 from endosdk.errors import InvalidArgument
 
 if TYPE_CHECKING:
+    from endosdk.calibration.board import BoardCalibration
+    from endosdk.calibration.board_page import LeftOut
     from endosdk.calibration.rig import StereoCalibration
     from endosdk.live.rig_check import RigCheck
 
@@ -64,21 +67,36 @@ def _way(sources: Any, name: str, summary: str) -> argparse.ArgumentParser:
 def run(args: argparse.Namespace) -> int:
     """Run the chosen way; print what was found and where it went."""
     from endosdk.calibration.files.exports import check_name
+    from endosdk.io.new_folders import made_folder
 
     report = Report(args)
+    # Before the work, which may be a long one.
     if args.way != "print" and getattr(args, "out", None):
-        check_name("out", args.out)  # before the work, which may be a long one
+        check_name("out", args.out)
+    for name in ("out", "page"):
+        if getattr(args, name, None):
+            made_folder(getattr(args, name).parent, name)
     if args.way in ("check", "refine"):
         return _watch(args, report)
     if args.way == "print":
         return _print(args, report)
-    calibration = _convert(args) if args.way == "convert" else _board(args, report)
+    if args.way == "convert":
+        calibration = _convert(args)
+        written = calibration.save(args.out) if args.out else []
+    else:
+        result, left_out = calibrate_pictures(args, report)
+        calibration = result.calibration
+        written = calibration.save(args.out) if args.out else []  # first: what follows can fail
+        _report_board(args, report, result, left_out)
     _report_summary(report, calibration)
-    if args.out:
-        written = calibration.save(args.out)
+    _report_written(report, written)
+    return report.end()
+
+
+def _report_written(report: Report, written: list[Path]) -> None:
+    if written:
         report.record["written"] = written[0] if len(written) == 1 else written
         report.line(f"written     {', '.join(str(path) for path in written)}")
-    return report.end()
 
 
 def _print(args: argparse.Namespace, report: Report) -> int:
@@ -119,9 +137,8 @@ def _watch(args: argparse.Namespace, report: Report) -> int:
     if refined is calibration:
         report.line("unchanged   the frames show no rotation that a correction would make smaller: nothing was written")
         return report.end(usable=before.fits)
-    refined.save(args.out)
-    report.record |= {"written": args.out, "sha256": refined.sha256}
-    report.line(f"written     {args.out}")
+    report.record["sha256"] = refined.sha256
+    _report_written(report, refined.save(args.out))
     return report.end(usable=after.fits)
 
 
@@ -159,11 +176,12 @@ def _convert(args: argparse.Namespace) -> StereoCalibration:
     return StereoCalibration.load(path, size=size, layout=args.layout, units=args.units)
 
 
-def _board(args: argparse.Namespace, report: Report) -> StereoCalibration:
+def _report_board(
+    args: argparse.Namespace, report: Report, result: BoardCalibration, left_out: Sequence[LeftOut]
+) -> None:
     from endosdk.calibration.board_page import board_page
     from endosdk.io.whole_files import write_text
 
-    result, left_out = calibrate_pictures(args, report)
     median, p95 = result.row_median_px, result.row_p95_px
     report.record |= {"pairs_used": len(result.views), "reprojection_px": result.reprojection_px}
     report.record["vertical_disparity_px"] = {"median": median, "p95": p95}
@@ -181,7 +199,6 @@ def _board(args: argparse.Namespace, report: Report) -> StereoCalibration:
         write_text(args.page, board_page(result, left_out, known_depths(result.calibration)))
         report.record["page"] = args.page
         report.line(f"page        {args.page}")
-    return result.calibration
 
 
 def _report_summary(report: Report, calibration: StereoCalibration) -> None:

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
         problems += _models(report)
     if args.calibration and not problems:
         _rig(report, args.calibration)
-    if args.pair:
+    if args.pair and not problems:
         problems += explain_pair(report, args.pair, args.calibration, args.bits)
     for problem in problems:
         report.line(f"PROBLEM      {problem}")

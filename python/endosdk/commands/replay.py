@@ -41,10 +41,10 @@ def run(args: argparse.Namespace) -> int:
     if is_there(args.out):
         raise InvalidArgument("out", "must not exist yet", args.out)
     recording = Recording(args.recording)
+    made_folder(args.out.parent, "out")
     if args.out.suffix.lower() in FILES:
         export(recording, args.out)
     else:
-        made_folder(args.out.parent, "out")
         with whole_path(args.out, "out") as partial:
             _write_pictures(recording, partial)
     report = Report(args)

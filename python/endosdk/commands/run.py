@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Record; the status is 1 where every frame was INVALID, or there was none."""
-    from endosdk.errors import SourceFailed, StorageFailed
+    from endosdk.errors import DependencyMissing, SourceFailed, StorageFailed
     from endosdk.live.recording.record import record
 
     with opened_source(args) as source:
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"stopped; {_what_stays(source, args.out)}") from None
-        except (SourceFailed, StorageFailed):
+        except (DependencyMissing, SourceFailed, StorageFailed):
             print(_what_stays(source, args.out), file=sys.stderr)
             raise
     report = Report(args)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from endosdk.errors import InvalidArgument, StorageFailed
+
+log = logging.getLogger("endosdk")
 
 LOCK = ".lock"  # stays behind, empty: removing it would let two processes lock two files of one name
 
@@ -69,7 +72,8 @@ def is_held(path: Path) -> bool:
 
 
 def _lock(handle: int) -> bool:
-    with suppress(OSError):
+    """Lock, and return whether another process did not hold it."""
+    try:
         if os.name == "nt":
             import msvcrt
 
@@ -78,5 +82,8 @@ def _lock(handle: int) -> bool:
             import fcntl
 
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return True
-    return False
+    except (BlockingIOError, PermissionError):  # the latter of Windows
+        return False
+    except OSError as error:
+        log.warning("this disk cannot lock folders (%s): nothing keeps a second process out", error.strerror)
+    return True

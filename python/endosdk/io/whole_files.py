@@ -47,9 +47,12 @@ def whole_file(path: Path, argument: str = "path") -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str, argument: str = "path") -> None:
-    """Write text in UTF-8, whole or not at all. Raises `StorageFailed`."""
+    """Write text in UTF-8, whole or not at all. Raises `StorageFailed`.
+
+    Bytes of a file's name that are not UTF-8 are written as escapes.
+    """
     with whole_file(path, argument) as stream:
-        stream.write(text.encode())
+        stream.write(text.encode(errors="backslashreplace"))
 
 
 def write_json(path: Path, content: Any, argument: str = "path") -> None:

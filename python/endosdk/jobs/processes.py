@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
-from endosdk.errors import DependencyMissing
+from endosdk.errors import DependencyMissing, InferenceFailed, InvalidArgument
 from endosdk.io.extras import must_install
 
 Task = TypeVar("Task")
@@ -92,7 +92,8 @@ def work_on_ray(
     """Do the tasks on a Ray cluster, that of $RAY_ADDRESS or one started here; yield as tasks are finished.
 
     ``workers`` tasks run at a time, each of which is counted as ``cores`` processors. A task whose worker dies is given
-    to another. Raises DependencyMissing where Ray is not installed.
+    to another. Raises DependencyMissing where Ray is not installed, InvalidArgument where no machine has so many
+    processors, InferenceFailed where workers die of one task again and again.
     """
     # Ray would report its use to its makers over the network.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -104,6 +105,11 @@ def work_on_ray(
     if started:
         ray.init(log_to_driver=False, include_dashboard=False)
     try:
+        nodes: list[dict[str, Any]] = ray.nodes()  # type: ignore[no-untyped-call]
+        largest = max((node["Resources"].get("CPU", 0.0) for node in nodes if node["Alive"]), default=0.0)
+        if cores > largest:
+            rule = f"must be at most {largest:g}, the processors of the largest machine of the Ray cluster"
+            raise InvalidArgument("threads", rule, cores)
         remote: Any = ray.remote(max_retries=RETRIES, num_cpus=cores)(_work)
         waiting = list(reversed(tasks))
         running: list[Any] = []
@@ -115,6 +121,9 @@ def work_on_ray(
                 yield ray.get(reference)
     except ray.exceptions.RayTaskError as error:
         raise error.cause from error  # ours, as raised in the worker
+    except ray.exceptions.RayError as error:
+        rule = f"a task must end within {RETRIES + 1} attempts on the Ray cluster; the same command goes on"
+        raise InferenceFailed("ray", rule, f"{type(error).__name__}: {error}") from error
     finally:
         if started:
             ray.shutdown()

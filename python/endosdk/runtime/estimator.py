@@ -127,6 +127,7 @@ class DepthEstimator:
         self._info = session.info
         self._limits = limits
         self._channel_order = channel_order
+        self._network_size = network_size
         self._provider, self._threads = provider, settings.threads or _core.default_threads()
         self._path = _core.FramePath(session, settings)
         self._calibration = calibration
@@ -165,6 +166,11 @@ class DepthEstimator:
     def limits(self) -> Limits:
         """Which answers count as valid: the least confidence, and the range of depth."""
         return self._limits
+
+    @property
+    def network_size(self) -> tuple[int, int] | None:
+        """The network input (width, height) that was asked for, px; None where it follows from the model."""
+        return self._network_size
 
     @property
     def calibration(self) -> StereoCalibration | None:

@@ -111,7 +111,9 @@ class MessageMaker:
         )
 
     def disparity(self, at: int, values: npt.NDArray[np.float32], geometry: RectifiedGeometry | None) -> Any:
-        """Return a disparity as DisparityImage."""
+        """Return a disparity as DisparityImage, whose depth is f T / d: without the difference of principal points."""
+        if geometry is not None:
+            values = values + np.float32(geometry.doffs)
         known = values[np.isfinite(values)]
         return self._types["stereo_msgs/msg/DisparityImage"](
             header=self.header(at, LEFT),

@@ -92,10 +92,12 @@ def _folder_of(out: Path) -> Path:
 
 def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: int | None, temporal: bool) -> None:
     done = 0
-    total = most if source.count is None else min(source.count, most or source.count)
-    left = None if total is None else total - recorder.frames
-    with progress(total=left, unit="frame") as bar:
-        frames = source.frames(recorder.next_number) if left is None or left > 0 else ()
+    left = None if most is None else most - recorder.frames
+    # What a source says of its length is no limit: the header of a video may be wrong.
+    expected = [each - recorder.frames for each in (source.count, most) if each is not None]
+    with progress(total=min(expected, default=None), unit="frame") as bar:
+        start, after = recorder.next_number, recorder.last_stamp_ns
+        frames = source.frames(start, after_ns=after) if left is None or left > 0 else ()
         try:
             for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
                 recorder.add(frame, result)
@@ -106,7 +108,7 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
         except KeyboardInterrupt:
             if not (source.once and recorder.begun):
                 raise
-        ended = left is None or done < left or total == source.count
+        ended = left is None or done < left or most == source.count
     recorder.close(source_ended=ended)
 
 

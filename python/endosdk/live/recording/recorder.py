@@ -37,7 +37,8 @@ class Recorder:
     """Takes answers one after the other. ``out`` is the folder; what was begun there with the same settings goes on.
 
     ``pictures`` keeps the frames themselves too, lossless, so that `Recording` gives them back. ``next_number`` is the
-    number of the first frame that is missing. The folder is held until `stop`, which ends a ``with`` block.
+    number of the first frame that is missing, ``last_stamp_ns`` the stamp of the one before it. The folder is held
+    until `stop`, which ends a ``with`` block.
     Raises InvalidArgument where ``out`` holds something else or is in use by another recorder, StorageFailed.
     """
 
@@ -63,6 +64,7 @@ class Recorder:
                 (out / PARTS).mkdir(exist_ok=True)
             done = lines_in(out)
             self.next_number = done[-1]["number"] + 1 if done else 0
+            self.last_stamp_ns: int | None = done[-1]["stamp_ns"] if done else None
             self._count = 0 if self.complete else len(list((out / PARTS).iterdir()))
             self.frames = len(done)
             self._hold = hold.pop_all()
@@ -186,13 +188,15 @@ class Recorder:
 
 def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, temporal: bool) -> dict[str, Any]:
     """Return what a recording depends on."""
-    rig, model = estimator.calibration, estimator.model
+    rig, model, known = estimator.calibration, estimator.model, estimator.diagnostics()
     quantity = "disparity" if rig is None else "depth"
     return {
         "source": source.word,
-        "views": {name: getattr(source.options, name) for name in ("layout", "gap", "swap")},
+        "views": {name: getattr(source.options, name) for name in ("layout", "gap", "swap", "scan", "rate", "bits")},
         "clock": source.clock,
         "model": model.identity(),
+        **{name: known[name] for name in ("provider", "provider_options")},
+        "network_size": None if estimator.network_size is None else list(estimator.network_size),
         "calibration": None if rig is None else rig.content(),
         "map": {"name": quantity, "unit": "px" if rig is None else "mm", "step": STEPS[quantity]},
         "pictures": pictures,

@@ -31,6 +31,8 @@ class Recording(Source):
     finished gives what is there. ``lines`` has one entry a frame, ``calibration`` is the rig.
     """
 
+    reading = ()
+
     def __init__(self, path: str | Path, options: SourceOptions = DEFAULT_OPTIONS) -> None:
         path = Path(path)
         super().__init__(str(path), options)
@@ -69,7 +71,7 @@ class Recording(Source):
         for line, levels in self._with_pictures("depth", "gray16le"):
             yield line, from_levels(levels, step)
 
-    def frames(self, start: int = 0) -> Iterator[Frame]:
+    def frames(self, start: int = 0, *, after_ns: int | None = None) -> Iterator[Frame]:
         """Yield the frames whose number is ``start`` or more, with stamps and faults exactly as they were recorded."""
         for frame in self._read(start):
             yield self._as_asked(frame)

@@ -81,11 +81,15 @@ def mux(tracks: dict[str, list[Path]], out: Path, container: str, attachments: d
             for name, content in attachments.items():
                 file.add_attachment(name, "application/json", content)
             for name, parts in tracks.items():
+                last = -1
                 for part in parts:
                     with av.open(str(part)) as source:
                         for packet in source.demux(source.streams.video[0]):
                             if packet.size:  # the last one is empty
                                 packet.stream = streams[name]
+                                # Every part counts on by itself from stamps that are equal; the next may begin before.
+                                last = max(last + 1, packet.pts)
+                                packet.pts = packet.dts = last
                                 file.mux(packet)
     except (av.FFmpegError, OSError) as error:
         raise _failed(out, error) from error

@@ -34,13 +34,16 @@ class Bag(Source):
     """
 
     clock: Clock = "wall"
+    reading = ()
 
     def __init__(self, path: Path, options: SourceOptions = DEFAULT_OPTIONS) -> None:
         super().__init__(str(path), options)
         with self._reader() as reader:
             left, right = (self._topic(reader, side) for side in ("left", "right"))
-            self.count = min(left.msgcount, right.msgcount)
-        self._topics = {left.topic: 0, right.topic: 1}
+            # A driver that was started again is another connection to the same topic.
+            counts = [sum(each.msgcount for each in reader.connections if each.topic == side) for side in (left, right)]
+        self.count = min(counts)
+        self._topics = {left: 0, right: 1}
 
     def _reader(self) -> Any:
         try:
@@ -56,11 +59,11 @@ class Bag(Source):
         reader.close()
         return AnyReader([Path(self.word)], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
-    def _topic(self, reader: Any, side: str) -> Any:
-        pictures = [each for each in reader.connections if each.msgtype in (RAW, COMPRESSED)]
-        found = [each for each in pictures if side in each.topic.lower()]
+    def _topic(self, reader: Any, side: str) -> str:
+        pictures = sorted({str(each.topic) for each in reader.connections if each.msgtype in (RAW, COMPRESSED)})
+        found = [topic for topic in pictures if side in topic.lower()]
         if len(found) != 1:
-            topics = ", ".join(each.topic for each in pictures) or "no pictures"
+            topics = ", ".join(pictures) or "no pictures"
             raise InvalidArgument("source", f"must hold one topic of pictures with {side} in its name", topics)
         return found[0]
 

@@ -22,6 +22,7 @@ class Newest(Source):
         self._source = source
         self.live = source.live
         self.once = source.once
+        self.again = source.again
         self.count = source.count
         self.clock: Clock = source.clock
         self.faults = source.faults

@@ -59,24 +59,32 @@ class SourceOptions:
 
 
 DEFAULT_OPTIONS = SourceOptions()
+READING = ("layout", "scan", "rate", "raw", "bits", "gap")  # options that say how something of the kind is read
 
 
 class Source(ABC):
     """Stereo frames, one after the other. Iterate over it; close it, or use it in a ``with``.
 
     ``word`` names it, ``live`` says that it does not wait for its reader, ``once`` that its frames cannot be had again,
-    as those of a camera or a pipe, ``clock`` what time stamps count from, ``count`` is how many frames there are, None
-    where nobody knows. ``options`` says how it is read. ``dropped`` counts the frames that the latest reader never got,
-    by the gaps in their numbers. ``faults`` holds what went wrong without ending the source, each also a warning of the
-    log ``endosdk``.
+    as those of a camera or a pipe, ``again`` that a second reader gets frames too, ``clock`` what time stamps count
+    from, ``count`` is how many frames there are by what it says itself, None where nobody knows. ``options`` says how
+    it is read; ``reading`` names the `READING` that mean something for its kind, and others are refused. ``dropped``
+    counts the frames that the latest reader never got, by the gaps in their numbers. ``faults`` holds what went wrong
+    without ending the source, each also a warning of the log ``endosdk``.
     """
 
     live: bool = False
     once: bool = False
+    again: bool = True
+    reading: tuple[str, ...] = READING
     clock: Clock = "medium"
     count: int | None = None
 
     def __init__(self, word: str, options: SourceOptions = DEFAULT_OPTIONS) -> None:
+        for name in READING:
+            if name not in self.reading and getattr(options, name) != getattr(DEFAULT_OPTIONS, name):
+                rule = f"means nothing for this kind of source ({word}): leave it out"
+                raise InvalidArgument(name, rule, getattr(options, name))
         self.word = word
         self.options = options
         self._swap = options.swap
@@ -93,12 +101,12 @@ class Source(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Yield the frames from number ``start`` on.
+    def frames(self, start: int = 0, *, after_ns: int | None = None) -> Iterator[Frame]:
+        """Yield the frames from number ``start`` on, with time stamps after ``after_ns``, that of the frame before it.
 
         Raises `SourceFailed` in the place of the first frame that cannot be had any more.
         """
-        order = _TimeOrder()
+        order = _TimeOrder(after_ns)
         self.dropped, last = 0, start - 1
         for frame in self._read(start):
             self.dropped += frame.number - last - 1
@@ -145,10 +153,13 @@ class Source(ABC):
 
 
 class _TimeOrder:
-    """Makes time stamps grow. One that runs backwards is a fault; a clock that began anew goes on from where it was."""
+    """Makes time stamps grow. One that runs backwards is a fault; a clock that began anew goes on from where it was.
 
-    def __init__(self) -> None:
-        self._last: int | None = None  # as it was given on
+    ``last`` is the stamp that the frame before was given, None where there is none.
+    """
+
+    def __init__(self, last: int | None = None) -> None:
+        self._last = last  # as it was given on
         self._came: int | None = None  # as it came
         self._added = 0
         self._was_back = False
@@ -157,10 +168,13 @@ class _TimeOrder:
         """Return the stamp to give on, ns, and what was wrong."""
         last, came, fault = self._last, self._came, None
         out = stamp + self._added
-        if last is None or came is None or out > last:
+        if last is None and stamp < 0:  # as of a video that was cut out of a longer one
+            self._added, out = -stamp, 0
+            fault = f"time stamps begin at {stamp} ns; {-stamp} ns are added"
+        elif last is None or out > last:
             self._was_back = False
-        elif self._was_back and stamp > came:  # two that go together: the clock itself is another
-            self._added = last + (stamp - came) - stamp
+        elif came is None or (self._was_back and stamp > came):  # two that go together: the clock itself is another
+            self._added = last + (1 if came is None else stamp - came) - stamp
             fault = f"time stamps began anew before {stamp} ns; from here on {self._added} ns are added"
             out, self._was_back = stamp + self._added, False
         else:

@@ -36,6 +36,7 @@ class Device:
         self._options = options
         self._container = container
         self._patience_s = patience_s
+        self._closed = False
         self._decoder = self._opened()  # the first time at once: a wrong name is refused right away
         self.period_ns = 1e9 / self._decoder.rate
 
@@ -63,15 +64,20 @@ class Device:
                 reason = "it sends no more"
             except SourceFailed as error:
                 reason = str(error.value)
+            if self._closed:
+                return
             gap = f"first frame after {self._path} was away"
             self._source.note(f"{self._path} is gone ({reason}); waiting {self._patience_s:g} s for it")
             self._reopen(reason)
+            if self._closed:
+                self._decoder.close()  # it may have been opened meanwhile
+                return
             self._source.note(f"{self._path} is back")
 
     def _reopen(self, reason: str) -> None:
-        self.close()
+        self._decoder.close()
         deadline = time.monotonic() + self._patience_s
-        while time.monotonic() < deadline:
+        while time.monotonic() < deadline and not self._closed:
             time.sleep(RETRY_S)
             if Path(self._path).exists():
                 try:
@@ -79,10 +85,13 @@ class Device:
                     return
                 except SourceFailed as error:  # there, but not ready yet
                     reason = str(error.value)
+        if self._closed:
+            return
         raise SourceFailed("source", f"the device must come back within {self._patience_s:g} s", reason)
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Let go of the device; its pictures end."""
+        self._closed = True
         self._decoder.close()
 
 
@@ -92,6 +101,7 @@ class Camera(Source):
     live = True
     once = True
     clock: Clock = "wall"
+    reading = ("layout", "scan", "rate", "gap")
 
     def __init__(self, path: str, options: SourceOptions) -> None:
         super().__init__(path, options)
@@ -116,6 +126,7 @@ class TwoCameras(Source):
     live = True
     once = True
     clock: Clock = "wall"
+    reading = ("scan", "rate")
 
     def __init__(self, left: str, right: str, options: SourceOptions) -> None:
         super().__init__(f"{left},{right}", options)

@@ -22,6 +22,8 @@ FRAMES_AT_THE_END = 3  # that a file may state and not hold: containers round, a
 class VideoFile(Source):
     """A video file whose pictures hold both views."""
 
+    reading = ("layout", "scan", "gap")
+
     def __init__(self, path: Path, options: SourceOptions) -> None:
         super().__init__(str(path), options)
         decoder = self._decoder()  # refuses here what is no video
@@ -54,6 +56,8 @@ class TwoVideos(Source):
     Each file's stamps count from its own start: some containers start at any time. Pictures without stamps are taken in
     turn. Numbers go on over a picture whose partner is lost.
     """
+
+    reading = ("scan",)
 
     def __init__(self, left: Path, right: Path, options: SourceOptions) -> None:
         super().__init__(f"{left},{right}", options)
@@ -103,6 +107,8 @@ class Piped(Source):
     """Video that comes through a pipe. It can be read once."""
 
     once = True
+    again = False
+    reading = ("layout", "scan", "rate", "raw", "gap")
 
     def __init__(self, file: BinaryIO, options: SourceOptions) -> None:
         super().__init__("standard input", options)

@@ -107,8 +107,11 @@ class Player:
     def restart(self) -> None:
         """Begin again at the first frame, where the source can.
 
-        A recording that has frames ends here: its time cannot run backwards. Raises what `Recorder.close` raises.
+        A recording that has frames ends here: its time cannot run backwards. Raises what `Recorder.close` raises, and
+        InvalidArgument where the source can be read once only.
         """
+        if not self.source.again:
+            raise InvalidArgument("restart", "must be of a source that can be read again", self.source.word)
         with self._adding:
             over = self._recorder if self._recorder is not None and self._recorder.begun else None
             if over is not None:

@@ -181,6 +181,7 @@ class Server:
             "dropped": player.source.dropped,
             "faults": player.source.faults[-3:],
             "count": player.source.count,
+            "again": player.source.again,
         }
 
     def _obey(self, text: str, talk: _Talk) -> dict[str, Any]:

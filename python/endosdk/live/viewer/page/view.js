@@ -32,6 +32,7 @@ function tell(text) {
 function showState(state) {
   $("play").textContent = state.playing ? "pause" : "play";
   $("play").disabled = $("step").disabled = state.ended;
+  $("restart").disabled = !state.again;
   $("record").classList.toggle("on", Boolean(state.recording));
   $("record").textContent = state.recording ? "stop recording" : "record";
   const parts = [];
