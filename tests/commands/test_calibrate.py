@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import struct
 import subprocess
 import sys
@@ -107,6 +108,12 @@ def test_convert_says_in_one_line_what_is_wrong(
     assert main(["calibrate", "convert", *given]) == 2
     error = capsys.readouterr().err
     assert line in error and error.startswith("endosdk calibrate: ") and error.count("\n") == 1
+
+
+def test_names_that_are_no_utf_8_are_printed_as_escapes(rig_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = os.fsdecode(os.fsencode(rig_file.parent) + b"/r\xff.json")
+    assert main(["calibrate", "convert", str(rig_file), "--out", out]) == 0
+    assert Path(out).exists() and "/r\\udcff.json" in capsys.readouterr().out
 
 
 def picture_folder(folder: Path, *names: str, size: tuple[int, int] = (60, 80)) -> Path:

@@ -99,8 +99,12 @@ def test_several_processes_give_the_same_bytes(archive, settings, done, tmp_path
 @ray_quiet
 def test_a_killed_worker_of_a_ray_cluster_loses_nothing(archive, settings, done, tmp_path):
     many(archive, tmp_path, 80)
-    with ray_cluster(), a_worker_killed(tmp_path / "out", "pairs/*"):
-        run_batch(find_pairs(tmp_path / "left", tmp_path / "right"), settings, tmp_path / "out", workers=2, ray=True)
+    pairs = find_pairs(tmp_path / "left", tmp_path / "right")
+    with ray_cluster():
+        with pytest.raises(InvalidArgument, match="threads: must be at most 2, the processors of the largest machine"):
+            run_batch(pairs, replace(settings, threads=3), tmp_path / "none", workers=2, ray=True)
+        with a_worker_killed(tmp_path / "out", "pairs/*"):
+            run_batch(pairs, settings, tmp_path / "out", workers=2, ray=True)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "batch.json", "pairs"]
     expected = contents(done / "pairs" / NAMES[0])
     expected.pop("result.json")  # it has the names

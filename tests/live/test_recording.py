@@ -19,6 +19,8 @@ import av
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -26,6 +28,7 @@ import endosdk
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.commands.cli import main
 from endosdk.errors import InvalidArgument, SourceFailed
+from endosdk.io.locks import locked_folder
 from endosdk.io.pictures import read_frame, write_picture
 from endosdk.io.whole_files import whole_file
 from endosdk.live.frames import Frame
@@ -267,6 +270,16 @@ def test_two_recorders_never_share_a_folder(video, tmp_path):
         with pytest.raises(InvalidArgument, match="out: must not be in use by another process"):
             record(source, estimator(), tmp_path / "r")
     assert Recording(tmp_path / "r").count == 1
+
+
+def test_a_disk_that_locks_no_folders_is_warned_of(tmp_path, monkeypatch, caplog):
+    def refused(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refused)
+    with locked_folder(tmp_path / "r", "out"):
+        pass
+    assert "this disk cannot lock folders (No locks available): nothing keeps a second process out" in caplog.text
 
 
 class NoFrames(Source):
@@ -674,6 +687,26 @@ def test_numbers_go_on_over_a_picture_that_a_bag_lost(recorded, tmp_path):
     for _ in range(2):
         assert [frame.number for frame in source] == [number for number in range(COUNT) if number != 1]
         assert source.dropped == 1
+
+
+def test_a_bag_may_hold_two_connections_to_a_topic(recorded, tmp_path):
+    """As when a driver was started again."""
+    main(["replay", str(recorded), "--out", str(tmp_path / "whole.bag")])
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Reader1(tmp_path / "whole.bag") as reader, Writer1(tmp_path / "two.bag") as writer:
+        views = [each for each in reader.connections if each.topic.endswith("image_raw")]
+        to = {
+            (each.topic, part): writer.add_connection(
+                each.topic, each.msgtype, typestore=store, callerid=f"/driver{part}"
+            )
+            for each in views
+            for part in range(2)
+        }
+        for number, (connection, stamp, data) in enumerate(reader.messages(views)):
+            writer.write(to[connection.topic, number // COUNT], stamp, data)
+    source = endosdk.open_source(tmp_path / "two.bag")
+    assert source.count == COUNT
+    assert [frame.number for frame in source] == list(range(COUNT))
 
 
 def test_a_damaged_recording_is_refused(recorded, tmp_path):

@@ -34,6 +34,20 @@ def images(ros1: bool) -> tuple[Any, Any]:
     return tuple(make.picture(STAMP, side, view) for side, view in zip("lr", shifted_pair(96, 160, 10), strict=True))
 
 
+@pytest.mark.parametrize("ros1", [True, False])
+def test_depth_follows_from_the_disparity_image_alone(ros1: bool) -> None:
+    shifted = StereoCalibration.rectified(**RIG, doffs=3.0)
+    answers = DepthNode(DepthEstimator(str(TINY_MODEL), calibration=shifted, threads=1), ros1=ros1).answer(
+        *images(ros1)
+    )
+    message, depth = (answers[f"/stereo/{name}"] for name in ("disparity", "depth"))
+    found, metres = (np.frombuffer(each.data, np.float32) for each in (message.image, depth))
+    known = np.isfinite(metres)
+    assert known.mean() > 0.3
+    baseline = message.T if ros1 else message.t
+    np.testing.assert_allclose(message.f * baseline / found[known], metres[known], rtol=1e-5)
+
+
 @pytest.fixture(scope="module")
 def rig() -> StereoCalibration:
     return StereoCalibration.rectified(**RIG)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import io
 import json
 import signal
 import struct
@@ -21,10 +22,13 @@ import pytest
 import endosdk
 from endosdk import DepthEstimator, StereoCalibration
 from endosdk.datasets.dataset import read_disparity
+from endosdk.errors import InvalidArgument
 from endosdk.io.pictures import read_frame
 from endosdk.live.frames import Frame
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
+from endosdk.live.sources.source import SourceOptions
+from endosdk.live.sources.video_input import Piped
 from endosdk.live.viewer import Player, Server
 from endosdk.live.viewer.message import encoded
 from endosdk.live.viewer.player import Shown
@@ -126,6 +130,22 @@ def test_the_player_pauses_steps_restarts_and_records(tmp_path):
     until(lambda: player.ended and player.latest.turn == turn + 12)
     player.close()
     assert recorded_numbers(tmp_path / "again") == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_pipe_cannot_begin_again_and_goes_on(tmp_path):
+    raw = b"".join(picture.tobytes() for picture in side_by_side(PAIRS))
+    height, width = side_by_side(PAIRS)[0].shape[:2]
+    source = Piped(io.BytesIO(raw), SourceOptions(raw=f"rgb24:{width}x{height}"))
+    player = Player(DepthEstimator(str(TINY_MODEL), threads=1), source, playing=False)
+    player.start()
+    player.step()
+    until(lambda: player.latest is not None)
+    with pytest.raises(InvalidArgument, match="restart: must be of a source that can be read again"):
+        player.restart()
+    player.play()
+    until(lambda: player.ended)
+    assert player.latest.frame.number == 5 and player.error is None
+    player.close()
 
 
 def recorded_numbers(out):
