@@ -234,6 +234,20 @@ def test_a_set_on_disk_is_spoiled_by_the_command(
     )
 
 
+@pytest.mark.parametrize("kind", ["raw views", "single pairs"])
+def test_sets_that_would_lose_what_they_are_cannot_be_spoiled(
+    sample: Sample, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    name = "5-0001" if kind == "single pairs" else "5"
+    extras = {"rig.json": lambda path: path.write_text("{}")} if kind == "raw views" else None
+    hashes = {name: write_sample(tmp_path / "set", "train", replace(sample, id=name), extras)}
+    record = {"format_version": 1, "name": "set", "samples": {"train": hashes, "test": {}}}
+    write_dataset_record(tmp_path / "set", record)
+    assert main(["simulate", "--spoil", str(tmp_path / "set"), "--out", str(tmp_path / "out")]) == 2
+    assert kind in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "rule"),
     [

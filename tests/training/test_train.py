@@ -227,13 +227,22 @@ def test_another_run_can_be_the_start(dataset_root, tmp_path):
 
 
 def test_no_steps_fit_the_confidence_and_change_nothing_else(dataset_root, tmp_path):
-    train(settings(dataset_root, steps=2, held_out=0), tmp_path / "first")
+    train(settings(dataset_root, steps=2, held_out=2), tmp_path / "first")
     train(settings(dataset_root, steps=0, held_out=2, init_from=str(tmp_path / "first")), tmp_path / "fitted")
     first, second = weights(tmp_path / "first"), weights(tmp_path / "fitted")
     changed = [name for name in first if not torch.equal(first[name], second[name])]
     assert "confidence.weights" in changed and all(name.startswith("confidence.") for name in changed)
     fitted = checkpoint.load(tmp_path / "fitted")
     assert (fitted.step, fitted.steps_in_all) == (0, 2)
+
+
+def test_what_a_run_before_learned_from_is_never_held_out(dataset_root, tmp_path):
+    train(settings(dataset_root, steps=1, held_out=2), tmp_path / "first")
+    train(settings(dataset_root, steps=1, held_out=1, init_from=str(tmp_path / "first")), tmp_path / "second")
+    for start, held_out, most in (("first", 3, 2), ("second", 2, 1)):
+        begun = settings(dataset_root, steps=0, held_out=held_out, init_from=str(tmp_path / start))
+        with pytest.raises(InvalidArgument, match=f"held_out: must be at most {most}: the run that this one begins"):
+            train(begun, tmp_path / "third")
 
 
 def test_a_network_of_the_same_weights_can_be_the_start(dataset_root, tmp_path):

@@ -181,6 +181,11 @@ def test_no_pair_that_was_trained_on_is_scored_as_a_test(tmp_path, monkeypatch):
     assert scored(run, **others) == ("plain:others", "test", 2)
     checkpoint.save_weights(tmp_path / "kept.safetensors", run)  # they do not say where their data lies
     assert scored(checkpoint.load(tmp_path / "kept.safetensors"), **mine) == ("plain:mine", "held out", 1)
+    goes_on = TrainConfig(
+        **common, data=(str(tmp_path / "others"),), layout="plain", held_out=1, steps=1, init_from=str(tmp_path / "run")
+    )
+    with pytest.raises(InvalidArgument, match="data: must name other pairs: a run that this one goes back to"):
+        scored(checkpoint.load(train(goes_on, tmp_path / "goes-on")), **mine)
     none = checkpoint.load(train(TrainConfig(**common, **data, held_out=0, steps=1), tmp_path / "none"))
     with pytest.raises(InvalidArgument, match="data: must name other pairs: the run was trained on all of these"):
         release(none, tmp_path / "m.onnx", version="1")

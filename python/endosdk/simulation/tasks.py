@@ -25,6 +25,8 @@ from endosdk.simulation.scene import LAP, SHAPES
 from endosdk.simulation.stereo_video import render_video, write_video
 from endosdk.simulation.unrectified import draw_rig, render_raw_sample
 
+RIG_FILE = "rig.json"  # beside the raw views of a pair
+
 Task = tuple[str, int]  # split, seed
 
 
@@ -83,7 +85,7 @@ def _pair(renderer: Renderer, job: Job, task: Task) -> None:
     extras: dict[str, Callable[[Path], object]] = {
         "raw_left.png": partial(write_picture, image=raw.left),
         "raw_right.png": partial(write_picture, image=raw.right),
-        "rig.json": raw.calibration.save,
+        RIG_FILE: raw.calibration.save,
     }
     write_sample(job.root, split, sample, extras)
 

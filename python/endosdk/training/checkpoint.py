@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,18 @@ def steps_of(origin: dict[str, Any] | None) -> int:
     while origin is not None:
         steps, origin = steps + int(origin["steps"]), origin.get("init")
     return steps
+
+
+def runs_before(origin: dict[str, Any] | None) -> Iterator[dict[str, Any]]:
+    """Yield the notes of a run's beginning, the latest run first, as far back as they are kept."""
+    while origin is not None:
+        yield origin
+        origin = origin.get("init")
+
+
+def splits_of(note: dict[str, Any]) -> set[str]:
+    """Return the hashes of the training splits that a note on data names."""
+    return set(note.get("splits") or [note["sha256"]])
 
 
 def with_oldest_joined(origin: dict[str, Any], most: int = MOST_RUNS) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.jobs.machine import machine_record
-from endosdk.training.checkpoint import Checkpoint
+from endosdk.training.checkpoint import Checkpoint, runs_before, splits_of
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
@@ -110,10 +110,13 @@ def _unseen_pairs(trained: Checkpoint, root: Path, layout: str) -> DatasetReader
     reader = open_dataset(root, default_split(layout), layout=layout)
     require_pairs(reader)
     noted = trained.state["dataset"]
-    if reader.split_sha256 not in noted.get("splits", [noted["sha256"]]):
+    if reader.split_sha256 not in splits_of(noted):
         own = root.resolve() in (Path(one).resolve() for one in trained.config.data)
         if own and open_dataset(root, "train", layout=layout).split_sha256 == reader.split_sha256:
             raise InvalidArgument("data", "must name other pairs: the set has changed since it was trained on", root)
+        if any(reader.split_sha256 in splits_of(run["data"]) for run in runs_before(trained.state["init"])):
+            rule = "must name other pairs: a run that this one goes back to was trained on these"
+            raise InvalidArgument("data", rule, root)
         return reader
     _, held_out = split_pairs(reader, replace(trained.config, train_pairs=None))
     if not held_out:

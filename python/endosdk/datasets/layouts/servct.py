@@ -20,7 +20,7 @@ _REFERENCES = ("Reference_CT", "Ground_truth_CT")  # the name differs between re
 
 
 class ServCtReader(PublicReader):
-    """All pairs, with the CT reference. Pixels where the views do not overlap or nothing was scanned have no truth."""
+    """All pairs, with the CT reference. What was not scanned has no truth; what one view alone sees is occluded."""
 
     layout = "servct"
     splits = ("test",)

@@ -14,6 +14,7 @@ from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 from endosdk.io.progress import progress as progress_bar
 from endosdk.simulation.faults.spoil import draw_faults, spoil
 from endosdk.simulation.recipe import check_seed
+from endosdk.simulation.tasks import RIG_FILE
 
 
 def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = True) -> dict[str, Any]:
@@ -29,6 +30,12 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
         for folder in (Path(source) / split / sample_id for sample_id in reader.ids):
             if "faults" in read_sample_record(folder).get("info", {}):
                 raise DatasetInvalid("spoil", "must be a set without image faults; this sample has some", folder)
+            if (folder / RIG_FILE).exists():
+                raise DatasetInvalid("spoil", "must be a set of rectified pairs; this sample has raw views", folder)
+        if any(reader.film(index) != sample_id for index, sample_id in enumerate(reader.ids)):
+            raise DatasetInvalid(
+                "spoil", "must be a set of single pairs: each frame would get faults of its own", source
+            )
     out = Path(root)
     try:
         out.mkdir(parents=True, exist_ok=True)
