@@ -27,6 +27,12 @@ def models_parser(description: str | None, pairs_help: str) -> argparse.Argument
     return parser
 
 
+def evenly(count: int, there: int) -> list[int]:
+    """Return at most ``count`` numbers of pairs, evenly from all that are there."""
+    count = min(count, there)
+    return [number * there // count for number in range(count)]
+
+
 def record_models(
     args: argparse.Namespace,
     reader: DatasetReader,

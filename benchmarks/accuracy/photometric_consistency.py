@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.model_records import models_parser, record_models
+from benchmarks.model_records import evenly, models_parser, record_models
 from benchmarks.model_run import model_run
 from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, Reason, StereoCalibration, _core
@@ -172,7 +172,7 @@ def main() -> None:
     parser.add_argument("--real", type=Path, help="folder of real pairs")
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
-    samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
+    samples = [reader[number] for number in evenly(args.pairs, len(reader))]
     real = " --real DIR" if args.real else ""
     record_models(args, reader, lambda model: measure(model, samples, args.real), real)
 

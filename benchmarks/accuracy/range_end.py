@@ -103,7 +103,7 @@ def measure(model: str, reader: DatasetReader, pairs: int) -> dict[str, Any]:
 def main() -> None:
     args = models_parser(__doc__, "the first so many pairs").parse_args()
     reader = open_dataset(args.data, args.split)
-    record_models(args, reader, lambda model: measure(model, reader, args.pairs))
+    record_models(args, reader, lambda model: measure(model, reader, min(args.pairs, len(reader))))
 
 
 if __name__ == "__main__":

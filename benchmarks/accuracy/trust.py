@@ -13,15 +13,17 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.accuracy.fault_naming import rig_of
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
-from benchmarks.model_records import models_parser, record_models
-from endosdk import DepthEstimator, DepthResult, Reason, StereoCalibration
+from benchmarks.model_records import evenly, models_parser, record_models
+from endosdk import DepthEstimator, DepthResult, Reason
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.metrics import sigma_bins, sigma_gap, sparsification_error
@@ -123,18 +125,14 @@ def measure(model: str, samples: list[Sample], cases: tuple[Case, ...]) -> dict[
 
 
 def _tally(model: str, samples: list[Sample], case: Case) -> Tally:
-    """Answer every pair of one case, with an estimator that saw no other: it remembers the frames before."""
+    """Answer every pair of one case, with estimators that saw no other: they remember the frames before."""
     tally = Tally()
-    first = samples[0]
-    size = first.left.shape[1::-1]
-    rig = None
-    if first.has_camera:
-        rig = StereoCalibration.rectified(first.focal_px, first.baseline_mm, size, doffs=first.doffs)
-    with DepthEstimator(model, calibration=rig, threads=2) as estimator:
-        largest = estimator.largest_disparity(*size) or np.inf
-        for sample in samples:
-            spoilt = case.pair(sample)
-            tally.add(spoilt, estimator.predict(spoilt.left, spoilt.right), case, largest)
+    for rig, taken in groupby(samples, lambda sample: rig_of(sample) if sample.has_camera else None):
+        with DepthEstimator(model, calibration=rig, threads=2) as estimator:
+            for sample in taken:
+                largest = estimator.largest_disparity(*sample.left.shape[1::-1]) or np.inf
+                spoilt = case.pair(sample)
+                tally.add(spoilt, estimator.predict(spoilt.left, spoilt.right), case, largest)
     return tally
 
 
@@ -145,7 +143,7 @@ def main() -> None:
     parser.add_argument("--cases", nargs="+", help="only these; the others stay in the record")
     args = parser.parse_args()
     reader = open_dataset(args.data, args.split)
-    samples = [reader[number] for number in range(0, len(reader), max(1, len(reader) // args.pairs))][: args.pairs]
+    samples = [reader[number] for number in evenly(args.pairs, len(reader))]
     cases = tuple(case for case in (*USABLE, *FAULTS) if not args.cases or case.name in args.cases)
     some = f" --cases {shlex.join(args.cases)}" if args.cases else ""
     part = "cases" if args.cases else None

@@ -38,14 +38,15 @@ def count_macs(
     *,
     window: tuple[int, int] | None = None,
     refined: bool = True,
+    search: dict[str, Any] | None = None,
 ) -> int:
     """MACs of convolutions and matrix products for one pair, counted on shapes alone: nothing is computed.
 
     Height and width are padded to the network's multiple, as they are at run time. As in training, ``window`` (height,
-    width) limits the refinement, and without ``refined`` there is none.
+    width) limits the refinement, and without ``refined`` there is none. ``search`` as in `network_costs`.
     """
     with torch.device("meta"):
-        network = build_network(name, max_disparity).eval()
+        network = build_network(name, max_disparity, **(search or {})).eval()
         multiple = network.input_multiple
         size = 1, 3, height + -height % multiple, width + -width % multiple
         part = _in_the_middle(window, size[2:], multiple) if window else None
@@ -59,12 +60,15 @@ def _in_the_middle(window: tuple[int, int], size: tuple[int, int], multiple: int
     return Window(top, left, *window)
 
 
-def network_costs(name: str, max_disparity: int, height: int, width: int) -> NetworkCosts:
-    """Count one network for frames of this size, which a network with a usual width sees reduced."""
+def network_costs(name: str, max_disparity: int, height: int, width: int, **search: Any) -> NetworkCosts:
+    """Count one network for frames of this size, which a network with a usual width sees reduced.
+
+    ``search`` are further settings of the network, such as ``dense_disparity``.
+    """
     with torch.device("meta"):
-        network = build_network(name, max_disparity)
+        network = build_network(name, max_disparity, **search)
     seen = seen_size(width, height, network.inference_width)[::-1]
-    return NetworkCosts(count_parameters(network), count_macs(name, max_disparity, *seen) / 1e9)
+    return NetworkCosts(count_parameters(network), count_macs(name, max_disparity, *seen, search=search) / 1e9)
 
 
 def step_gmacs(name: str, max_disparity: int, crop: tuple[int, int], batch: int, **part: Any) -> float:

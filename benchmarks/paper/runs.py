@@ -21,6 +21,7 @@ from benchmarks.methods.costs import step_gmacs
 from benchmarks.methods.published import PublishedNetwork
 from benchmarks.paper.experiments import Experiment
 from benchmarks.paper.joined_set import with_test_pairs
+from endosdk import _core
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
 from endosdk.training import checkpoint
@@ -176,7 +177,7 @@ def test_errors(reader: DatasetReader, pairs: int | None) -> Watch:
     count = min(pairs or len(reader), len(reader))
 
     def measure(network: StereoNetwork, refined: bool) -> dict[str, float]:
-        largest = network.max_candidate_disparity or network.max_disparity
+        largest = (network.max_candidate_disparity or network.max_disparity) - _core.range_margin
         sums = np.zeros((2, 2))
         for frame in predict_frames(network, reader, range(count), refined=refined, title="test pairs"):
             truth = frame.sample.disparity
@@ -250,8 +251,11 @@ def plan(
 
 
 def config_gmacs(settings: dict[str, Any]) -> float:
-    """1e9 MACs of one training step with these settings."""
-    part = {"window": settings.get("refine_crop"), "refined": settings.get("refine_from_step", 0) < settings["steps"]}
-    return step_gmacs(
-        settings["network"], settings["max_disparity"], tuple(settings["crop"]), settings["batch"], **part
+    """1e9 MACs of a training step with these settings, on average: the refinement may join late."""
+    network, range_px, crop = settings["network"], settings["max_disparity"], tuple(settings["crop"])
+    refined, rough = (
+        step_gmacs(network, range_px, crop, settings["batch"], window=settings.get("refine_crop"), refined=which)
+        for which in (True, False)
     )
+    late = min(1.0, settings.get("refine_from_step", 0) / max(1, settings["steps"]))
+    return (1.0 - late) * refined + late * rough

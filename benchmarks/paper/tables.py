@@ -34,7 +34,7 @@ from endosdk.evaluation.sgbm import fill_holes
 from endosdk.io.whole_files import write_json
 from endosdk.jobs.machine import machine_record
 from endosdk.runtime.estimator import DepthEstimator
-from endosdk.runtime.models import shipped_models
+from endosdk.runtime.models import shipped_models, shipped_weights
 from endosdk.training import checkpoint
 
 
@@ -146,7 +146,8 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
         model = DepthEstimator(name).model
         state = f"{model.sha256}, core {core}"
         found = scores.get(f"shipped-{name}", state, lambda name=name: scores.score(estimator_method(name)))
-        costs = network_costs(name, model.max_disparity, size[1], size[0])
+        config = checkpoint.load(shipped_weights()[name]).config
+        costs = network_costs(name, model.max_disparity, size[1], size[0], dense_disparity=config.dense_disparity)
         known = {"params": costs.params, "gmacs": costs.gmacs, "trained_on": learned_from(model.training)}
         known |= {"output_stride": model.output_stride, "version": model.version, "model_sha256": model.sha256}
         rows[f"shipped-{name}"] = {**found, **known}

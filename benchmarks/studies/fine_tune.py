@@ -40,9 +40,7 @@ def settings(args: argparse.Namespace, seed: int, *, defaults: bool) -> TrainCon
 
 def tuned(config: TrainConfig, out: Path) -> dict[str, float]:
     """Return the errors on the held-out pairs at the end of a run, which goes on where it was stopped."""
-    there = (out / checkpoint.LAST).exists()
-    if not there or checkpoint.load(out).step < config.steps:
-        train(config, out, resume=there)
+    train(config, out, resume=(out / checkpoint.LAST).exists())  # one of other settings or data is refused
     (last,) = (entry for entry in checkpoint.load(out).state["history"] if entry["step"] == config.steps)
     return {name: last[name] for name in MEASURES}
 

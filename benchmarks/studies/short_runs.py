@@ -97,16 +97,16 @@ def run_variants(
 ) -> None:
     """Train and judge every variant, and the weights that they start from; the record grows with each of them.
 
-    The recipe is that of the weights, with what is ``given``. A run of ``args.steps`` steps that is there is judged but
-    not repeated, a shorter one goes on.
+    The recipe is that of the weights, with what is ``given``. A run that is there goes on, or is judged at once where
+    it has ``args.steps`` steps; one of other settings or data is refused.
     """
     recipe = {**checkpoint.inherited(args.start, given), **given}
     found = {"before": judged(checkpoint.load(checkpoint.starting_point(args.start)).build(), sets)}
     for name, variant in variants.items():
         out = args.runs / variant.folder
+        # A run that is there goes on, or ends at once; one of other settings or data is refused.
         there = (out / checkpoint.LAST).exists()
-        if not there or checkpoint.load(out).step < args.steps:
-            variant.fit(TrainConfig.from_dict({**recipe, **variant.changes}), out, resume=there)
+        variant.fit(TrainConfig.from_dict({**recipe, **variant.changes}), out, resume=there)
         found[name] = judged(checkpoint.load(out).build(), sets)
         print(name, found[name], flush=True)
         record = _record(args, sets, recipe, found)

@@ -71,7 +71,7 @@ def test_a_student_learns_and_its_teacher_stays(tiny_set, tmp_path):
     assert any(not torch.equal(value, run.teacher.state_dict()[name]) for name, value in learned.network.items())
 
 
-def test_a_run_that_is_there_is_judged_but_not_repeated(tiny_set, tmp_path):
+def test_a_run_that_is_there_goes_on_and_is_checked_by_its_fit(tiny_set, tmp_path):
     started = checkpoint.load(checkpoint.starting_point("fast"))
     asked = []
 
@@ -86,5 +86,5 @@ def test_a_run_that_is_there_is_judged_but_not_repeated(tiny_set, tmp_path):
     for steps in (3, 3, 5):
         args.steps = steps
         run_variants(args, {}, {"steps": steps}, runs, "python -m benchmarks.studies.recipe_gains ...")
-    assert asked == [("the-one", 7, False), ("the-one", 7, True)]
+    assert asked == [("the-one", 7, False), ("the-one", 7, True), ("the-one", 7, True)]
     assert list(json.loads((tmp_path / "record.json").read_text())["runs"]) == ["before", "one"]
