@@ -172,6 +172,12 @@ def test_folders_refuse_what_is_of_a_video(
     assert f"{option[2:]}: is of a video or a camera; leave it out with folders" in capsys.readouterr().err
 
 
+def test_too_few_views_are_refused_before_they_are_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", "board", "film.mp4", "--pattern", "9x6", "--square-mm", "3", "--views", "2"]
+    assert main([*words, "--out", str(tmp_path / "rig.json")]) == 2
+    assert "views: must be at least 3; got 2" in capsys.readouterr().err
+
+
 def test_a_wrong_pattern_is_called_a_pattern(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     left = picture_folder(tmp_path / "l", "1.png")
     words = ["calibrate", "board", str(left), str(left), "--pattern", "9", "--square-mm", "3"]

@@ -68,11 +68,13 @@ def named_board(args: argparse.Namespace) -> Board:
 
 def calibrate_pictures(args: argparse.Namespace, report: Report) -> tuple[BoardCalibration, list[LeftOut]]:
     """Return the calibration, and the views that were left out."""
-    from endosdk.calibration.board import TILT_ADVICE, are_tilted, calibrate_views
+    from endosdk.calibration.board import MIN_PAIRS, TILT_ADVICE, are_tilted, calibrate_views
     from endosdk.calibration.board_page import LeftOut
     from endosdk.live.sources.words import two_folders
 
     board = named_board(args)
+    if args.views < MIN_PAIRS:
+        raise InvalidArgument("views", f"must be at least {MIN_PAIRS}", args.views)
     if len(args.source) > 2:
         raise InvalidArgument("source", "must be one source, or two folders", args.source)
     folders = two_folders(args.source[0]) if len(args.source) == 1 else (Path(args.source[0]), Path(args.source[1]))
