@@ -11,7 +11,7 @@ from safetensors.torch import save as safetensors_bytes
 from endosdk.datasets.dataset import EndosdkReader
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.runtime.models import shipped_models
-from endosdk.training import checkpoint
+from endosdk.training import checkpoint, past_runs
 from endosdk.training.config import CHOICES, TrainConfig
 from endosdk.training.networks import build_network
 from endosdk.training.optimisers import build_optimiser
@@ -140,7 +140,7 @@ def test_a_long_line_of_runs_is_still_read(tmp_path):
     network, optimiser = stepped("adamw")
     origin = None
     for number in range(60):
-        origin = checkpoint.with_oldest_joined({"data": {"name": str(number)}, "steps": 2, "init": origin})
+        origin = past_runs.with_oldest_joined({"data": {"name": str(number)}, "steps": 2, "init": origin})
     checkpoint.save(tmp_path / checkpoint.LAST, CONFIG, 7, STATE | {"init": origin}, network, optimiser)
     saved = checkpoint.load(tmp_path)
     assert saved.steps_in_all == 7 + 60 * 2
@@ -148,8 +148,8 @@ def test_a_long_line_of_runs_is_still_read(tmp_path):
     while told is not None:
         runs.append(told["data"]["name"])
         oldest, told = told, told["init"]
-    assert runs == [str(number) for number in range(59, 59 - checkpoint.MOST_RUNS, -1)]
-    assert "joined" in oldest and oldest["steps"] == 2 * (60 - checkpoint.MOST_RUNS + 1)
+    assert runs == [str(number) for number in range(59, 59 - past_runs.MOST_RUNS, -1)]
+    assert "joined" in oldest and oldest["steps"] == 2 * (60 - past_runs.MOST_RUNS + 1)
 
 
 def test_broken_and_foreign_files_are_named(tmp_path):

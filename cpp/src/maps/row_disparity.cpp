@@ -116,6 +116,7 @@ void RowDisparity::measure_band(int band, int first, int worker) {
   const double y = (row + 0.5) * column_.y - 0.5;
   const PosePattern::Line line = pattern_.line(error_.value, y);
   const auto first_place = static_cast<float>(0.5 * column_.x - 0.5);
+  const auto gain = static_cast<float>(views_->gain());
   for (int i = 0; i < cells.width; ++i) {
     offset[i] = line.at(first_place + 2.0f * across * static_cast<float>(i), across * disparity[i]) * (1.0f / down);
   }
@@ -123,7 +124,7 @@ void RowDisparity::measure_band(int band, int first, int worker) {
     const int here = row + r - 1;
     kernels().row_step_row({views_->left(0), views_->right(0), 2 * cells.width, cells.height, here, cells.width,
                             views_->disparity(here), offset,
-                            wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, static_cast<float>(views_->gain()), sums});
+                            wanted_.data() + static_cast<ptrdiff_t>(3 * band + r) * cells.width, gain, sums});
   }
   const PoseMeasurements::Span out = measurements_.from(first);
   kernels().row_windows({sums, cells.width, along_, ridge, flat_, enough_information, longest_step, out.rest, out.weight});

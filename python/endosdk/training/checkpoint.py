@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,41 +20,11 @@ from endosdk.io.whole_files import whole_file
 from endosdk.runtime.models import shipped_weights
 from endosdk.training.config import INHERITED, TrainConfig
 from endosdk.training.networks import StereoNetwork, build_network
+from endosdk.training.past_runs import steps_of
 
 LAST = "last.safetensors"
 DONE = 2 / 3  # a run that starts from the weights of a recipe has the rates after this share of its steps
 FORMAT = "1"
-MOST_RUNS = 20  # that the notes of a run tell of: what nests much deeper is refused when it is read
-
-
-def steps_of(origin: dict[str, Any] | None) -> int:
-    """Return the steps of a run's notes, and of those of every run that it goes back to."""
-    steps = 0
-    while origin is not None:
-        steps, origin = steps + int(origin["steps"]), origin.get("init")
-    return steps
-
-
-def runs_before(origin: dict[str, Any] | None) -> Iterator[dict[str, Any]]:
-    """Yield the notes of a run's beginning, the latest run first, as far back as they are kept."""
-    while origin is not None:
-        yield origin
-        origin = origin.get("init")
-
-
-def splits_of(note: dict[str, Any]) -> set[str]:
-    """Return the hashes of the training splits that a note on data names."""
-    return set(note.get("splits") or [note["sha256"]])
-
-
-def with_oldest_joined(origin: dict[str, Any], most: int = MOST_RUNS) -> dict[str, Any]:
-    """Return notes of at most so many runs: the last of them counts the steps of all that lie before it."""
-    before = origin.get("init")
-    if before is None:
-        return origin
-    if most == 1:
-        return {**origin, "steps": steps_of(origin), "init": None, "joined": "steps of older runs are among these"}
-    return {**origin, "init": with_oldest_joined(before, most - 1)}
 
 
 @dataclass(frozen=True)

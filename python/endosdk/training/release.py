@@ -12,10 +12,11 @@ from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.jobs.machine import machine_record
-from endosdk.training.checkpoint import Checkpoint, runs_before, splits_of
+from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.memory import keep_freed_memory
 from endosdk.training.parity import check_parity, parity_pairs
+from endosdk.training.past_runs import runs_before, splits_of
 from endosdk.training.quantize import describe_quantised, quantize_like, quantize_model, read_ranges
 from endosdk.training.sets import HeldOutReader, JoinedReader, open_sets, split_pairs
 from endosdk.training.validation import full_scores

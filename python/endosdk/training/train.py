@@ -22,7 +22,7 @@ from tqdm import tqdm
 from endosdk.errors import DatasetInvalid, InvalidArgument
 from endosdk.io.interrupts import interrupts_deferred, kill_answered
 from endosdk.io.progress import progress
-from endosdk.training import checkpoint
+from endosdk.training import checkpoint, past_runs
 from endosdk.training.config import RESUMED, TrainConfig
 from endosdk.training.data import Crops, has_truth
 from endosdk.training.devices import channels_last, device_of, precision_on
@@ -198,20 +198,8 @@ class Run:
         notes = {"data": saved.state["dataset"], "steps": saved.step, **past, "init": saved.state["init"]}
         if saved.state.get("changes"):
             notes["changes"] = saved.state["changes"]
-        self.origin = checkpoint.with_oldest_joined(notes)
-        self._check_held_out()
-
-    def _check_held_out(self) -> None:
-        """Refuse to hold out what a run before has learned from: errors there would be too small, and doubts too."""
-        own = checkpoint.splits_of(self._dataset_note())
-        for run in checkpoint.runs_before(self.origin):
-            splits, held_out = checkpoint.splits_of(run["data"]), run["data"].get("held_out")
-            if held_out is None or not own & splits:
-                continue
-            most = held_out // len(splits)
-            if self.config.held_out > most:
-                rule = f"must be at most {most}: the run that this one begins from learned from the other pairs"
-                raise InvalidArgument("held_out", rule, self.config.held_out)
+        self.origin = past_runs.with_oldest_joined(notes)
+        past_runs.check_held_out(self.origin, self._dataset_note(), self.config.held_out)
 
     def _check_same(self, saved: checkpoint.Checkpoint, name: str) -> None:
         """Refuse a setting that is not the checkpoint's."""
