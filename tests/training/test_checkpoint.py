@@ -289,3 +289,12 @@ def test_surroundings_of_other_planes_are_taken_from_the_nearest():
     with torch.no_grad():
         expected = old.eval()(volume.flatten(1, 2), view)
         torch.testing.assert_close(new.eval()(wider.flatten(1, 2), view)[:, :32], expected, rtol=1e-4, atol=1e-5)
+
+
+def test_a_set_that_counted_twice_held_out_its_pairs_twice():
+    note = {"sha256": "both", "splits": ["a", "a", "b"], "held_out": 24}
+    origin = {"data": {"sha256": "other", "splits": ["c"], "held_out": 0}, "steps": 1}
+    origin["init"] = {"data": note, "steps": 1, "init": None}
+    past_runs.check_held_out(origin, {"sha256": "a"}, 8)
+    with pytest.raises(InvalidArgument, match="held_out: must be at most 8"):
+        past_runs.check_held_out(origin, {"sha256": "a"}, 9)
