@@ -24,7 +24,8 @@ SLOW = ROOT / "tests" / "slow.txt"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is slow."""
+    """Mark what is slow, and begin with what takes longest: one process works on it while the other does the rest."""
+    items.sort(key=lambda item: not item.nodeid.startswith(TOGETHER))
     slow = [line for line in SLOW.read_text().splitlines() if not line.startswith("#")]
     fixtures = {line.removeprefix("fixture ") for line in slow if line.startswith("fixture ")}
     for item in items:
