@@ -21,7 +21,7 @@ from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
 
 def make_sample(sample_id: str = "000000001") -> Sample:
     rng = np.random.default_rng(int(sample_id))
-    disparity = rng.uniform(1.0, 60.0, (24, 32)).astype(np.float32)
+    disparity = rng.uniform(1.0, 30.0, (24, 32)).astype(np.float32)
     disparity[3:5, 6:9] = np.nan
     return Sample(
         id=sample_id,

@@ -205,13 +205,29 @@ def test_middlebury_reads_pfm_and_the_offset_of_the_principal_points(tmp_path, k
     assert (sample.focal_px, sample.baseline_mm, sample.doffs) == (3997.684, 193.001, 131.111)
     assert sample.occlusion is not None
     known = np.isfinite(sample.disparity)
-    assert sample.occlusion[:, :3].all() and not sample.occlusion[known][6:].all()
+    assert sample.occlusion[:, :3].all() and not (sample.occlusion & known)[:, 6:].any()
     assert (sample.disparity_right is None) == (kind == "evaluation")
 
 
-def test_one_middlebury_scene_is_a_set(tmp_path):
+def test_a_hole_in_the_right_truth_of_middlebury_hides_nothing(tmp_path):
     write_middlebury(tmp_path / "artroom1", "2021")
-    assert open_dataset(tmp_path / "artroom1", "train", layout="middlebury").ids == ("artroom1",)
+    other = np.full((HEIGHT, WIDTH), 3.25, np.float32)
+    other[:, 18:24] = np.inf  # nobody knows
+    other[:, 30:33] = 9.0  # something near stands there
+    save_pfm(tmp_path / "artroom1/disp1.pfm", other)
+    sample = open_dataset(tmp_path, "train", layout="middlebury")[0]
+    hidden = sample.occlusion & (np.abs(sample.disparity - 3.25) < 0.5)
+    assert not hidden[:, 20:28].any() and hidden[:, 34:36].any()
+
+
+@pytest.mark.parametrize(("layout", "write"), [("middlebury", "2021"), ("plain", True)])
+def test_one_scene_is_a_set_wherever_the_command_runs(tmp_path, monkeypatch, layout, write):
+    scene = tmp_path / "artroom1"
+    (write_middlebury if layout == "middlebury" else write_plain)(scene, write)
+    monkeypatch.chdir(scene)
+    for root in (scene, "."):
+        reader = open_dataset(root, default_split(layout), layout=layout)
+        assert (reader.name, reader.ids) == (f"{layout}:artroom1", ("artroom1",))
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -352,6 +368,27 @@ def test_scared_sets_one_to_seven_are_for_training(tmp_path):
         open_dataset(tmp_path, "test", layout="scared")
 
 
+@pytest.mark.parametrize("name", ["dataset_10", "dataset_0", "my_dataset"])
+def test_a_set_that_scared_does_not_have_is_neither_for_training_nor_for_testing(tmp_path, name):
+    write_scared(tmp_path / name / "keyframe_1")
+    for split in ("train", "test"):
+        with pytest.raises(DatasetInvalid, match=rf"dataset_1 to dataset_7 for train.*{name}"):
+            open_dataset(tmp_path, split, layout="scared")
+
+
+def test_scared_names_may_go_on_behind_the_number(tmp_path):
+    write_scared(tmp_path / "dataset_8_v2/keyframe_1")
+    assert open_dataset(tmp_path, "test", layout="scared").ids == ("dataset_8_v2/keyframe_1",)
+
+
+def test_scared_points_may_lie_where_their_archive_was_unpacked(tmp_path):
+    write_scared(tmp_path / "dataset_8/keyframe_2", stacked=True)
+    data = tmp_path / "dataset_8/keyframe_2/data"
+    for points in (data / "scene_points").iterdir():
+        points.rename(data / points.name)
+    assert open_dataset(tmp_path, "test", layout="scared").ids == ("dataset_8/keyframe_2/000001",)
+
+
 def test_scared_truth_that_is_no_point_map_is_named(tmp_path):
     write_scared(tmp_path / "dataset_3/keyframe_1")
     assert cv2.imwrite(str(tmp_path / "dataset_3/keyframe_1/left_depth_map.tiff"), np.zeros((64, 96), np.float32))
@@ -365,6 +402,7 @@ WRITERS = {
     "kitti": lambda root: write_kitti(root, "2015"),
     "servct": write_servct,
     "middlebury": lambda root: write_middlebury(root, "2021"),
+    "plain": lambda root: write_plain(root),
 }
 
 
@@ -434,6 +472,7 @@ def test_a_map_of_another_size_than_the_truth_is_named(tmp_path, layout, file, d
         ("servct", "Experiment_1/Reference_CT/Disparity/001.png"),
         ("middlebury", "disp0.pfm"),
         ("middlebury", "disp1.pfm"),
+        ("plain", "disparity.png"),
     ],
 )
 def test_truth_beyond_the_frame_is_named(tmp_path, layout, file):
@@ -513,6 +552,15 @@ def test_plain_folders_give_truth_and_no_camera(tmp_path, mask):
         assert sample.occlusion[:, :4].all() and not sample.occlusion[:, 4:].any()
     else:
         assert sample.occlusion is None
+
+
+@pytest.mark.parametrize("file", ["left.png", "right.png", "nonoccluded.png"])
+def test_a_view_of_16_bits_is_named_and_not_cut_to_8(tmp_path, file):
+    write_plain(tmp_path / "Aloe")
+    shape = (HEIGHT, WIDTH) if file == "nonoccluded.png" else (HEIGHT, WIDTH, 3)
+    save(tmp_path / "Aloe" / file, np.full(shape, 4095, np.uint16))
+    with pytest.raises(DatasetInvalid, match=rf"{file} must have 8 bits per channel; got uint16"):
+        open_dataset(tmp_path, "test", layout="plain")[0]
 
 
 def test_a_plain_mask_of_another_size_is_named(tmp_path):

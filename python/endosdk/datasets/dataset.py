@@ -23,12 +23,12 @@ from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.documents import parse_json
 from endosdk.io.names import RULE, is_plain_name
 from endosdk.io.picture_bytes import read_picture
+from endosdk.io.pictures import DISPARITY_STEPS
 
 FORMAT_VERSION = 1
 SPLITS = ("train", "test")
-DISPARITY_STEPS = 256.0
+RECORD = "dataset.json"  # written last: it declares a set complete
 LARGEST_TEXT = 64 * 1024 * 1024  # bytes: dataset.json of half a million samples
-LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 MATCH_TOLERANCE_PX = 1.0
 
 
@@ -56,7 +56,25 @@ class Sample:
 def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return where [H,W] the right view does not see what the left one does, from both true disparities.
 
-    A point is seen when one of the two right pixels that its match lies between has its disparity, within 1 px.
+    A point is seen when one of the two right pixels that its match lies between has its disparity, within 1 px. A right
+    pixel without truth sees nothing.
+    """
+    inside, gap = _gap_at_match(left, right)
+    return np.asarray(~(inside & (gap <= MATCH_TOLERANCE_PX)))
+
+
+def unknown_match(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return where [H,W] a left point's match has no truth in the right view: nobody knows whether it is seen there."""
+    inside, gap = _gap_at_match(left, right)
+    return np.asarray(inside & np.isnan(gap))
+
+
+def _gap_at_match(
+    left: NDArray[np.float32], right: NDArray[np.float32]
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Return where a left point's match lies inside the right view, and how far the disparity there is from its own.
+
+    Of the two right pixels that the match lies between the better one counts; NaN where neither has truth.
     """
     width = left.shape[1]
     column = np.arange(width, dtype=np.float32)[None, :] - left
@@ -64,8 +82,13 @@ def find_occlusion(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDA
     first = np.clip(np.floor(np.where(inside, column, 0)).astype(np.int64), 0, width - 1)
     second = np.minimum(first + 1, width - 1)
     gaps = [np.abs(np.take_along_axis(right, index, 1) - left) for index in (first, second)]
-    seen = np.fmin(gaps[0], gaps[1]) <= MATCH_TOLERANCE_PX
-    return np.asarray(~(inside & seen))
+    return inside, np.fmin(gaps[0], gaps[1])
+
+
+def film_of(sample_id: str) -> str:
+    """Name the film of which a sample is a frame: its id up to a dash and the number of the frame, else its id."""
+    name, _, frame = sample_id.rpartition("-")
+    return name if name and frame.isdecimal() else sample_id
 
 
 class DatasetReader(ABC):
@@ -86,10 +109,8 @@ class DatasetReader(ABC):
         """Read sample ``index``. Raises DatasetInvalid."""
 
     def film(self, index: int) -> str:
-        """Name the film of which a sample is a frame: its id up to a dash and the number of the frame, else its id."""
-        sample_id = self.ids[index]
-        name, _, frame = sample_id.rpartition("-")
-        return name if name and frame.isdecimal() else sample_id
+        """Name the film of which a sample is a frame: the samples of one film resemble each other."""
+        return film_of(self.ids[index])
 
     @property
     @abstractmethod
@@ -133,6 +154,13 @@ class EndosdkReader(DatasetReader):
             return sample
         return read_sample(folder)
 
+    def film(self, index: int) -> str:
+        """Name the film of which a sample is a frame, or the organ that it looks at with other samples."""
+        share, sample_id = self.record.get("pairs_per_organ", 1), self.ids[index]
+        if share == 1 or not sample_id.isdecimal():
+            return film_of(sample_id)
+        return f"organ-{int(sample_id) // share}"
+
     @property
     def sha256(self) -> str:
         """Hash of the whole set: of the recorded hashes of all its samples."""
@@ -146,9 +174,9 @@ class EndosdkReader(DatasetReader):
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-def read_record(root: Path) -> dict[str, Any]:
-    """Return the contents of ``dataset.json``, checked for the keys every set has."""
-    path = root / "dataset.json"
+def read_record(root: Path, file: str = RECORD) -> dict[str, Any]:
+    """Return the contents of ``dataset.json``, or of a ``file`` like it, checked for the keys every set has."""
+    path = root / file
     if not path.exists():
         if not root.is_dir():
             raise DatasetInvalid("dataset", "must be a folder that is there", root)
@@ -160,7 +188,16 @@ def read_record(root: Path) -> dict[str, Any]:
             raise DatasetInvalid("dataset", f"dataset.json must have the key {key}", path)
     if record["format_version"] != FORMAT_VERSION:
         raise DatasetInvalid("dataset", f"format_version must be {FORMAT_VERSION}", record["format_version"])
-    samples = record["samples"]
+    _check_samples(record["samples"], path)
+    share = record.get("pairs_per_organ", 1)
+    if type(share) is not int or share < 1:
+        raise DatasetInvalid("dataset", "pairs_per_organ must be a whole number from 1", repr(share))
+    if not isinstance(record["name"], str):
+        raise DatasetInvalid("dataset", "name must be text", repr(record["name"]))
+    return record
+
+
+def _check_samples(samples: Any, path: Path) -> None:
     if not isinstance(samples, dict) or any(not isinstance(samples.get(split), dict) for split in SPLITS):
         raise DatasetInvalid("dataset", "samples must map train and test to ids and hashes", path)
     for split in SPLITS:
@@ -169,9 +206,6 @@ def read_record(root: Path) -> dict[str, Any]:
                 raise DatasetInvalid("dataset", f"an id {RULE}", repr(sample_id))
             if not isinstance(sha256, str):
                 raise DatasetInvalid("dataset", f"the hash of {split}/{sample_id} must be text", repr(sha256))
-    if not isinstance(record["name"], str):
-        raise DatasetInvalid("dataset", "name must be text", repr(record["name"]))
-    return record
 
 
 def read_json(path: Path, argument: str) -> Any:
@@ -209,6 +243,7 @@ def read_sample(folder: Path) -> Sample:
             raise DatasetInvalid(
                 "sample", f"{name} must be as large as the left view {left.shape[:2]}", array.shape[:2]
             )
+    require_within_frame(folder / "disparity.png", disparity)
     camera = record["camera"]
     return Sample(
         id=folder.name,
@@ -249,6 +284,13 @@ def read_sample_record(folder: Path) -> dict[str, Any]:
         raise DatasetInvalid("sample", rule, f"{path}: {error!r}") from error
 
 
+def require_within_frame(path: Path, truth: NDArray[np.float32]) -> None:
+    """Raise DatasetInvalid where the truth of a file leads further than the frame is wide."""
+    largest = float(np.max(truth, initial=0.0, where=np.isfinite(truth)))
+    if largest > truth.shape[1]:
+        raise DatasetInvalid("sample", f"{path} must hold at most the frame's width, {truth.shape[1]} px", largest)
+
+
 def _decode(path: Path, mode: str) -> NDArray[Any]:
     try:
         return read_picture(path, mode)
@@ -256,21 +298,31 @@ def _decode(path: Path, mode: str) -> NDArray[Any]:
         raise DatasetInvalid("sample", f"{path.name} {error.rule}", f"{error.value} in {path}") from error
 
 
+def _decode_bytes(path: Path, mode: str) -> NDArray[np.uint8]:
+    # As deep as it is stored: OpenCV would otherwise cut 16 bits to 8, and leave a 12-bit picture black.
+    picture = _decode(path, f"{mode}|IMREAD_ANYDEPTH")
+    if picture.dtype != np.uint8:
+        raise DatasetInvalid("sample", f"{path.name} must have 8 bits per channel", f"{picture.dtype} in {path}")
+    return picture
+
+
 def read_colours(path: Path) -> NDArray[np.uint8]:
-    """Read a picture as RGB [H,W,3]; a gray one has three equal channels. Raises DatasetInvalid when it is none."""
-    return np.ascontiguousarray(_decode(path, "IMREAD_COLOR")[..., ::-1])
+    """Read a picture as RGB [H,W,3]; a gray one has three equal channels.
+
+    Raises DatasetInvalid when it is none of 8 bits.
+    """
+    return np.ascontiguousarray(_decode_bytes(path, "IMREAD_COLOR")[..., ::-1])
 
 
 def read_gray(path: Path) -> NDArray[np.uint8]:
-    """Read a picture as one channel [H,W] of 8 bits. Raises DatasetInvalid when it is none."""
-    return _decode(path, "IMREAD_GRAYSCALE")
+    """Read a picture as one channel [H,W]. Raises DatasetInvalid when it is none of 8 bits."""
+    return _decode_bytes(path, "IMREAD_GRAYSCALE")
 
 
 def read_disparity(path: Path) -> NDArray[np.float32]:
-    """Read a 16-bit disparity picture; NaN where it holds 0."""
+    """Read a 16-bit disparity picture, px; NaN where it holds 0. Raises DatasetInvalid when it is none."""
     raw = _decode(path, "IMREAD_UNCHANGED")
     if raw.dtype != np.uint16 or raw.ndim != 2:
         raise DatasetInvalid("sample", f"{path.name} must be 16-bit with one channel", f"{raw.dtype} {raw.shape}")
-    return np.where(raw > 0, raw.astype(np.float32) / np.float32(DISPARITY_STEPS), np.float32(np.nan)).astype(
-        np.float32
-    )
+    known = raw.astype(np.float32) / np.float32(DISPARITY_STEPS)
+    return np.where(raw > 0, known, np.float32(np.nan)).astype(np.float32)

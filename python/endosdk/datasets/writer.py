@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import DISPARITY_STEPS, LARGEST_DISPARITY, Sample
+from endosdk.datasets.dataset import RECORD, Sample
 from endosdk.datasets.sample_hash import hash_sample
 from endosdk.errors import InvalidArgument
 from endosdk.io.names import RULE, is_plain_name
+from endosdk.io.pictures import DISPARITY_STEPS, LARGEST_DISPARITY
 from endosdk.io.whole_files import whole_folder, write_text
 
 PNG_EFFORT = 4  # of 9; more takes several times longer and saves a few per cent
@@ -80,4 +81,4 @@ def write_picture(path: Path, image: NDArray[Any]) -> None:
 
 def write_dataset_record(root: Path, record: dict[str, Any]) -> None:
     """Write ``dataset.json``, which declares the set complete."""
-    write_text(root / "dataset.json", json.dumps(record, indent=1, sort_keys=True) + "\n", "out")
+    write_text(root / RECORD, json.dumps(record, indent=1, sort_keys=True) + "\n", "out")

@@ -15,6 +15,9 @@ from endosdk.io.picture_bytes import read_picture
 from endosdk.io.whole_files import whole_file
 
 BITS = (10, 12, 16)
+# Of a 16-bit picture of disparities, per px, as KITTI has it; 0 is no disparity.
+DISPARITY_STEPS = 256.0
+LARGEST_DISPARITY = 65535 / DISPARITY_STEPS
 
 
 def check_bits(bits: int | None) -> int | None:

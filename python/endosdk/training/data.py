@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from endosdk.datasets.dataset import DISPARITY_STEPS, DatasetReader
+from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
+from endosdk.io.pictures import DISPARITY_STEPS
 from endosdk.io.progress import progress
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
 from endosdk.training.frame_size import seen_size, seen_truth, seen_views

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from endosdk.datasets.dataset import DatasetReader, EndosdkReader
+from endosdk.datasets.dataset import RECORD, DatasetReader, EndosdkReader
 from endosdk.datasets.layouts.kitti import KittiReader
 from endosdk.datasets.layouts.middlebury import MiddleburyReader
 from endosdk.datasets.layouts.plain import PlainReader
@@ -37,7 +37,7 @@ def open_dataset(root: str | Path, split: str, layout: str = "endosdk") -> Datas
 
 def layout_of(root: str | Path, layout: str) -> str:
     """Return ``endosdk`` for a folder with ``dataset.json``, whatever ``layout`` the sets beside it have."""
-    return "endosdk" if (Path(root) / "dataset.json").exists() else layout
+    return "endosdk" if (Path(root) / RECORD).exists() else layout
 
 
 def default_split(layout: str) -> str:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_text
-from endosdk.datasets.layouts.public import PublicReader, positive, require_size, require_within_frame
+from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_text, require_within_frame
+from endosdk.datasets.layouts.public import PublicReader, positive, require_size
 from endosdk.errors import DatasetInvalid
 
 

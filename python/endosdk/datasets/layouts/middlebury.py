@@ -11,9 +11,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import Sample, find_occlusion, read_colours, read_gray, read_text
+from endosdk.datasets.dataset import (
+    Sample,
+    find_occlusion,
+    read_colours,
+    read_gray,
+    read_text,
+    require_within_frame,
+    unknown_match,
+)
 from endosdk.datasets.layouts.pfm import read_pfm
-from endosdk.datasets.layouts.public import PublicReader, finite, positive, require_size, require_within_frame
+from endosdk.datasets.layouts.public import PublicReader, finite, positive, require_size
 from endosdk.errors import DatasetInvalid
 
 _TRUTHS = ("disp0.pfm", "disp0GT.pfm")
@@ -35,7 +43,7 @@ class MiddleburyReader(PublicReader):
             truth = next((scene / name for name in _TRUTHS if (scene / name).exists()), None)
             if truth is not None:
                 files = ("im0.png", "im1.png", truth.name, "disp1.pfm", "mask0nocc.png", "calib.txt")
-                name = scene.relative_to(self.root).as_posix() if scene != self.root else scene.name
+                name = scene.relative_to(self.root).as_posix() if scene != self.root else scene.resolve().name
                 found[name] = tuple(scene / file for file in files)
         return found
 
@@ -52,7 +60,8 @@ class MiddleburyReader(PublicReader):
             occlusion = read_gray(mask) == 128  # 255: both views see it; 0: no truth
             require_size(mask, occlusion, disparity)
         elif other is not None:
-            occlusion = find_occlusion(disparity, other)
+            # The truth of the right view has holes of its own, which hide nothing.
+            occlusion = find_occlusion(disparity, other) & ~unknown_match(disparity, other)
         return Sample(
             id=sample_id,
             left=read_colours(left),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_gray
+from endosdk.datasets.dataset import RECORD, Sample, read_colours, read_disparity, read_gray, require_within_frame
 from endosdk.datasets.layouts.public import PublicReader, require_size
 from endosdk.errors import DatasetInvalid
 
@@ -24,14 +24,14 @@ class PlainReader(PublicReader):
 
     def find(self) -> dict[str, tuple[Path, ...]]:
         """List the folders."""
-        ours = next(self.root.rglob("dataset.json"), None)
+        ours = next(self.root.rglob(RECORD), None)
         if ours is not None:  # its test pairs are not for training
             rule = "must hold no dataset.json: a set that has one is of the layout endosdk, not plain"
             raise DatasetInvalid("dataset", rule, ours)
         found: dict[str, tuple[Path, ...]] = {}
         for truth in sorted(self.root.rglob("disparity.png")):
             folder = truth.parent
-            name = folder.relative_to(self.root).as_posix() if folder != self.root else folder.name
+            name = folder.relative_to(self.root).as_posix() if folder != self.root else folder.resolve().name
             found[name] = (folder / "left.png", folder / "right.png", truth, folder / "nonoccluded.png")
         return found
 
@@ -39,6 +39,7 @@ class PlainReader(PublicReader):
         """Read views, truth and the mask."""
         left, right, truth, mask = files
         disparity = read_disparity(truth)
+        require_within_frame(truth, disparity)
         seen = read_gray(mask) > 0 if mask.exists() else None
         if seen is not None:
             require_size(mask, seen, disparity)

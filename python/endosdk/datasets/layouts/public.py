@@ -34,7 +34,7 @@ class PublicReader(DatasetReader):
         if split not in self.splits:
             rule = f"must be {' or '.join(self.splits)}: the layout {self.layout} has truth for no other"
             raise InvalidArgument("split", rule, split)
-        self.root, self.split, self.name = root, split, f"{self.layout}:{root.name}"
+        self.root, self.split, self.name = root, split, f"{self.layout}:{root.resolve().name}"
         if not root.is_dir():
             raise DatasetInvalid("dataset", "must be a folder that is there", root)
         self._files = self.find()
@@ -65,7 +65,12 @@ class PublicReader(DatasetReader):
     def sha256(self) -> str:
         """Hash over the names and contents of the files of this split (the whole of it is read)."""
         paths = {path for files in self._files.values() for path in files if path.exists()}
-        return files_sha256((str(path.relative_to(self.root)), path) for path in sorted(paths))
+        try:
+            return files_sha256((str(path.relative_to(self.root)), path) for path in sorted(paths))
+        except OSError as error:
+            raise DatasetInvalid(
+                "dataset", "must hold files that can be read", f"{error.filename} ({error.strerror})"
+            ) from error
 
     @property
     def split_sha256(self) -> str:
@@ -77,13 +82,6 @@ def require_size(path: Path, found: NDArray[Any], truth: NDArray[np.float32]) ->
     """Raise DatasetInvalid unless what a file holds is as large as the truth."""
     if found.shape[:2] != truth.shape:
         raise DatasetInvalid("sample", f"{path} must be as large as the truth {truth.shape}", found.shape[:2])
-
-
-def require_within_frame(path: Path, truth: NDArray[np.float32]) -> None:
-    """Raise DatasetInvalid where the truth of a file leads further than the frame is wide."""
-    largest = float(np.max(truth, initial=0.0, where=np.isfinite(truth)))
-    if largest > truth.shape[1]:
-        raise DatasetInvalid("sample", f"{path} must hold at most the frame's width, {truth.shape[1]} px", largest)
 
 
 def positive(path: Path, name: str, value: float) -> float:

@@ -2,13 +2,14 @@
 
 ``dataset_N/keyframe_M/``, or ``test_dataset_N/keyframe_M/``, holds ``Left_Image.png``, ``Right_Image.png``,
 ``endoscope_calibration.yaml`` and ``left_depth_map.tiff``: for each pixel of the raw left view the point it shows, x,
-y, z in mm in the left camera. Where ``data/scene_points.tar.gz`` has been unpacked beside ``data/rgb.mp4`` (left view
-above the right one), the video's frames are samples too; their points come from the keyframe by the camera's motion and
-are less exact.
+y, z in mm in the left camera. Where ``data/scene_points.tar.gz`` has been unpacked in ``data/``, with or without a
+folder of its own, the frames of ``data/rgb.mp4`` (left view above the right one) are samples too. Their points come
+from the keyframe by the camera's motion and are less exact.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,8 @@ from endosdk.errors import DatasetInvalid
 from endosdk.io.bounded_read import Refused
 from endosdk.io.picture_bytes import read_picture
 
+_SET_NAME = re.compile(r"dataset_?(\d+)")
+_TRAIN_SETS = range(1, 8)
 _TEST_SETS = (8, 9)  # those that the challenge was judged on
 _SAME_SURFACE_PX = 0.5
 
@@ -38,15 +41,18 @@ class ScaredReader(PublicReader):
         """List the frames of the sets of this split: 1 to 7 for training, 8 and 9 for testing."""
         found: dict[str, tuple[Path, ...]] = {}
         for folder in sorted(self.root.glob("*dataset*/keyframe*")):
-            number = int("".join(c for c in folder.parent.name if c.isdigit()) or 0)
-            if (number in _TEST_SETS) != (self.split == "test"):
+            named = _SET_NAME.search(folder.parent.name)
+            if named is None or int(named[1]) not in (*_TRAIN_SETS, *_TEST_SETS):
+                rule = "must hold dataset_1 to dataset_7 for train, and dataset_8 and dataset_9 for test"
+                raise DatasetInvalid("dataset", rule, folder.parent)
+            if int(named[1]) not in (_TEST_SETS if self.split == "test" else _TRAIN_SETS):
                 continue
             name, calibration = f"{folder.parent.name}/{folder.name}", folder / "endoscope_calibration.yaml"
             if (folder / "left_depth_map.tiff").exists():
                 views = folder / "Left_Image.png", folder / "Right_Image.png"
                 found[name] = (*views, folder / "left_depth_map.tiff", calibration)
             video = folder / "data" / "rgb.mp4"
-            for points in sorted((folder / "data" / "scene_points").glob("scene_points*.tiff")):
+            for points in sorted((folder / "data").rglob("scene_points*.tiff")):
                 found[f"{name}/{points.stem.removeprefix('scene_points')}"] = (video, points, calibration)
         return found
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_json
-from endosdk.datasets.layouts.public import PublicReader, finite, positive, require_size, require_within_frame
+from endosdk.datasets.dataset import Sample, read_colours, read_disparity, read_json, require_within_frame
+from endosdk.datasets.layouts.public import PublicReader, finite, positive, require_size
 from endosdk.errors import DatasetInvalid
 
 _REFERENCES = ("Reference_CT", "Ground_truth_CT")  # the name differs between releases
