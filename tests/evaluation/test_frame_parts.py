@@ -7,6 +7,7 @@ import numpy as np
 from endosdk.evaluation.frame_parts import (
     BLOWN_OUT,
     HALO,
+    TEXTURE_WINDOW,
     glare,
     has_instruments,
     instrument_edges,
@@ -49,6 +50,15 @@ def test_low_texture_is_where_brightness_is_the_same_all_around() -> None:
     assert low_texture((view + noise).clip(0, 255).astype(np.uint8))[:, 20:460].mean() > 0.95
     view[20:40, 100:200] = 255  # flat as well, but that is glare
     assert not low_texture(view)[20:40, 100:200].any()
+
+
+def test_the_window_of_low_texture_is_as_wide_as_it_says() -> None:
+    view = flat()
+    view[:, 500:] = textured()[:, 500:]
+    view[:, 500:502] = 0  # so that one column of it is enough
+    found = low_texture(view)[HEIGHT // 2]
+    # Brightness is first averaged over three pixels, which brings the border one pixel nearer.
+    assert found[: 500 - 1 - TEXTURE_WINDOW // 2].all() and not found[500 - 1 - TEXTURE_WINDOW // 2 : 502].any()
 
 
 def test_edges_of_instruments_have_metal_in_front() -> None:

@@ -1,5 +1,6 @@
 import hashlib
 import json
+import os
 
 import numpy as np
 import pytest
@@ -196,6 +197,15 @@ def test_maps_of_any_program_are_scored(planes, tmp_path, capsys):
         np.save(tmp_path / "maps/012.npy", wrong, allow_pickle=True)
         assert main(given) == 2
         assert said in capsys.readouterr().err
+    header = {"descr": "<f4", "fortran_order": False, "shape": (10_000_000, 10_000_000)}
+    with (tmp_path / "maps/012.npy").open("wb") as stream:
+        np.lib.format.write_array_header_1_0(stream, header)
+    assert main(given) == 2
+    assert "must be readable .npy files" in capsys.readouterr().err
+    (tmp_path / "maps/012.npy").unlink()
+    os.mkfifo(tmp_path / "maps/012.npy")  # nobody writes to it
+    assert main(given) == 2
+    assert "012.npy must be a regular file" in capsys.readouterr().err
     (tmp_path / "maps/006.png").unlink()
     assert main(given) == 2
     assert "maps: must hold one file for each pair, here 006" in capsys.readouterr().err

@@ -9,6 +9,7 @@ import pytest
 
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation import metrics
+from endosdk.evaluation.edges import depth_edges
 from endosdk.evaluation.scores import ScoreBoard, evaluate_pair
 
 FOCAL, BASELINE, DOFFS = 1000.0, 5.0, 3.0
@@ -58,6 +59,19 @@ def test_one_pair_equals_the_single_measures() -> None:
         gap = metrics.sigma_calibration_error(np.abs(depth - true_depth)[known], pair["sigma"][known])
         assert seen["sigma_ece_mm"] == pytest.approx(gap)
         assert seen["valid"] == known.sum() and seen["pixels"] == metrics.with_truth(truth, mask).sum()
+
+
+@pytest.mark.parametrize("missing", [np.inf, -np.inf])
+def test_infinity_is_no_answer_and_no_truth(missing: float) -> None:
+    """As in maps of the Middlebury format; also when depth is scored, where it would be a point at the lens."""
+    pair = noisy_pair(3)
+    pair["truth"][:, :4], pair["disparity"][:, -4:] = np.nan, np.nan
+    replaced = {
+        name: np.where(np.isnan(given), np.float32(missing), given) if name in ("truth", "disparity") else given
+        for name, given in pair.items()
+    }
+    assert evaluate_pair(**replaced, **camera()) == evaluate_pair(**pair, **camera())
+    np.testing.assert_array_equal(depth_edges(replaced["truth"]), depth_edges(pair["truth"]))
 
 
 def test_pairs_are_pooled_by_pixels_not_by_pictures() -> None:

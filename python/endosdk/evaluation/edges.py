@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from endosdk.errors import InvalidArgument
-from endosdk.evaluation.metrics import Map, Mask
+from endosdk.evaluation.metrics import Map, Mask, finite_or_nan
 
 WIDTH = 960  # px: the width for which the following are stated
 JUMP = 3.0  # px of disparity
@@ -37,7 +37,7 @@ def edge_ends(truth: Map) -> Mask:
 
 def _ends(truth: Map) -> tuple[Mask, Mask]:
     """Return the nearer and the farther end of every depth edge."""
-    factor = truth.shape[1] / WIDTH
+    factor, truth = truth.shape[1] / WIDTH, finite_or_nan(truth)
     near, far = np.zeros(truth.shape, np.bool_), np.zeros(truth.shape, np.bool_)
     for axis in (0, 1):
         values, nearer, farther = (np.moveaxis(given, axis, 0) for given in (truth, near, far))

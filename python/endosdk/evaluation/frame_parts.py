@@ -18,8 +18,8 @@ from endosdk.evaluation.metrics import Map, Mask
 Picture = npt.NDArray[np.uint8]
 
 BLOWN_OUT = _core.saturation_level  # of all channels
-HALO = 3.0  # px around blown-out pixels: the flank of a highlight moves with the eye as its middle does
-TEXTURE_WINDOW = 11.0  # px
+HALO = 3.0  # px on each side of blown-out pixels: the flank of a highlight moves with the eye as its middle does
+TEXTURE_WINDOW = 13  # px a side
 NO_TEXTURE = 1.5  # grey levels: the standard deviation in the window, without what is finer than three pixels
 COLOURLESS = 0.25  # the least and the largest channel differ by less than this share of the largest: metal, not tissue
 
@@ -29,7 +29,7 @@ def glare(view: Picture) -> Mask:
     import cv2
 
     blown_out = (view.min(axis=2) >= BLOWN_OUT).astype(np.uint8)
-    return np.asarray(cv2.dilate(blown_out, _square(2 * HALO, view)) > 0)
+    return np.asarray(cv2.dilate(blown_out, _square(HALO, view)) > 0)
 
 
 def low_texture(view: Picture) -> Mask:
@@ -37,7 +37,7 @@ def low_texture(view: Picture) -> Mask:
     import cv2
 
     grey = cv2.blur(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3))
-    side = _square(TEXTURE_WINDOW, view).shape
+    side = _square((TEXTURE_WINDOW - 1) / 2, view).shape
     mean, square = cv2.blur(grey, side), cv2.blur(grey * grey, side)
     return np.asarray(square - mean * mean < NO_TEXTURE**2) & ~glare(view)
 
@@ -65,7 +65,7 @@ def has_instruments(info: Mapping[str, Any]) -> bool:
     return bool(info.get("tools")) or (isinstance(scene, Mapping) and scene.get("instrument") is not None)
 
 
-def _square(side: float, view: Picture) -> npt.NDArray[np.uint8]:
-    """Return ones over a square of so many px, at least three."""
-    count = max(3, 2 * round(side * view.shape[1] / WIDTH / 2) + 1)
+def _square(reach: float, view: Picture) -> npt.NDArray[np.uint8]:
+    """Return ones over a square that reaches so many px to each side of its middle, one at least."""
+    count = 2 * max(1, round(reach * view.shape[1] / WIDTH)) + 1
     return np.ones((count, count), np.uint8)

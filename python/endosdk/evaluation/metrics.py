@@ -104,6 +104,11 @@ def sigma_gap(sums: Errors) -> float:
     return float(np.abs(errors - sigma).sum() / counts.sum())
 
 
+def finite_or_nan(values: Map) -> Map:
+    """Return a map in which everything that is not finite is NaN: infinities say "no answer" as NaN does."""
+    return np.where(np.isfinite(values), values, np.nan).astype(values.dtype)
+
+
 def with_truth(truth: Map, mask: Mask | None = None) -> Mask:
     """Return where there is truth, inside the mask."""
     known = np.isfinite(truth)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +13,9 @@ from endosdk.datasets.dataset import Sample, read_disparity
 from endosdk.datasets.layouts.pfm import read_pfm
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import Answer, Method
+from endosdk.io.bounded_read import Refused, read_bounded
 from endosdk.io.file_hash import files_sha256
+from endosdk.io.picture_bytes import LARGEST_FILE
 
 FORMATS = (".png", ".pfm", ".npy")
 
@@ -58,8 +61,10 @@ def _read(path: Path) -> npt.NDArray[np.float32]:
     if path.suffix == ".pfm":
         return read_pfm(path)
     try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        values = np.load(io.BytesIO(read_bounded(path, LARGEST_FILE)), allow_pickle=False)
+    except Refused as error:
+        raise InvalidArgument("maps", f"{path.name} {error.rule}", f"{error.value} in {path}") from error
+    except (ValueError, EOFError, MemoryError) as error:
         raise InvalidArgument("maps", "must be readable .npy files", f"{path} ({error})") from error
     if not isinstance(values, np.ndarray) or values.ndim != 2 or not np.issubdtype(values.dtype, np.floating):
         found = f"{getattr(values, 'dtype', type(values).__name__)} {getattr(values, 'shape', '')} in {path}"

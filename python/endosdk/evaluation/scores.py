@@ -22,6 +22,7 @@ from endosdk.evaluation.metrics import (
     Map,
     Mask,
     compared,
+    finite_or_nan,
     sigma_bins,
     sigma_gap,
     sparsification_error,
@@ -93,6 +94,7 @@ class ScoreBoard:
                 raise InvalidArgument(name, "must be bool", mask.dtype)
         if (focal_px is None) != (baseline_mm is None):
             raise InvalidArgument("baseline_mm", "must come together with focal_px", (focal_px, baseline_mm))
+        disparity, truth = finite_or_nan(disparity), finite_or_nan(truth)
         depths = None
         if focal_px is not None and baseline_mm is not None:
             product = focal_px * baseline_mm
