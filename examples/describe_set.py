@@ -16,6 +16,7 @@ import numpy as np
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.datasets.layouts import open_dataset
+from endosdk.evaluation.frame_parts import has_instruments
 
 STEP_PX, MOST_BARS = 2.0, 36
 BAR, HEIGHT, MARGIN = 20, 240, 34
@@ -34,16 +35,17 @@ def describe(reader: DatasetReader) -> dict[str, Any]:
     for sample in reader:
         known = sample.disparity[np.isfinite(sample.disparity)]
         organs[sample.info["organ"]] += 1
-        tools += bool(sample.info.get("tools") or sample.info["scene"].get("instrument"))
+        tools += has_instruments(sample.info)
         counts += np.histogram(known, edges)[0]
         pixels += sample.disparity.size
         known_pixels += known.size
         occluded += 0 if sample.occlusion is None else int(sample.occlusion.sum())
-        least.append(float(known.min()))
-        most.append(float(known.max()))
-        means.append(float(known.mean()))
+        if known.size:
+            least.append(float(known.min()))
+            most.append(float(known.max()))
+            means.append(float(known.mean()))
     return {
-        "pairs": len(means),
+        "pairs": len(reader),
         "organs": dict(organs),
         "with_tool": tools,
         "disparity_px": {"least": min(least), "most": max(most), "mean": float(np.mean(means))},

@@ -216,13 +216,16 @@ def test_a_set_on_disk_is_spoiled_by_the_command(
     clean, out, again = (tmp_path / name for name in ("clean", "out", "again"))
     pairs = {f"{k:03d}": replace(sample, id=f"{k:03d}") for k in range(4)}
     hashes = {name: write_sample(clean, "test", pair) for name, pair in pairs.items()}
-    write_dataset_record(clean, {"format_version": 1, "name": "clean", "samples": {"train": {}, "test": hashes}})
+    limits = {"smallest": 2.0, "largest": 69.5}
+    described = {"format_version": 1, "name": "clean", "disparity_limits_px": limits}
+    write_dataset_record(clean, {**described, "samples": {"train": {}, "test": hashes}})
     assert main(["simulate", "--spoil", str(clean), "--out", str(out), "--seed", "3"]) == 0
     assert main(["simulate", "--check", str(out)]) == 0
     assert main(["simulate", "--spoil", str(clean), "--out", str(again), "--seed", "3"]) == 0
     spoiled = [open_dataset(root, "test") for root in (out, again)]
     assert spoiled[0].sha256 == spoiled[1].sha256 != open_dataset(clean, "test").sha256
     assert spoiled[0].record["spoiled_from"]["sha256"] == open_dataset(clean, "test").sha256
+    assert spoiled[0].record["disparity_limits_px"] == limits, "what the set says of its scenes stays"
     assert all("faults" in pair.info for pair in spoiled[0])
     assert len({pair.left.tobytes() for pair in spoiled[0]}) == 4
     capsys.readouterr()

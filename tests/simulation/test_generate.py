@@ -21,8 +21,10 @@ from endosdk.datasets.layouts import open_dataset
 from endosdk.datasets.verifier import verify_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.io.locks import LOCK, locked_folder
-from endosdk.simulation.generate import generate
+from endosdk.simulation.generate import CHANGED, generate
 from endosdk.simulation.recipe import SEED_BLOCK, TEST_OFFSET, Recipe
+from endosdk.training.config import TrainConfig
+from endosdk.training.sets import split_pairs
 
 SIZE = ("--width", "64", "--height", "48", "--focal", "27")
 SMALL = ("--organ", "stomach", "--seed", "3", "--max-disparity", "6", "--min-disparity", "0.2", *SIZE)
@@ -57,15 +59,15 @@ def test_a_set_says_what_it_is(whole: Path) -> None:
     assert sample.info["scene"]["seed"] == 3 * SEED_BLOCK + 1
 
 
-def started(out: Path, *words: str, stderr: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
-    """Start the command in a process of its own, and return when it has rendered something."""
+def started(out: Path, *words: str, first: str = "train/*", stderr: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
+    """Start the command in a process of its own, and return when it has rendered ``first``."""
     # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
     heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     program = f"{heed}; import sys; from endosdk.commands.cli import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "simulate", "--out", str(out), *SMALL, *words]
     run = subprocess.Popen(command, stderr=stderr, text=True, start_new_session=True)
     limit = time.monotonic() + 120
-    while not list(out.glob("train/*")):
+    while not list(out.glob(first)):
         assert run.poll() is None
         assert time.monotonic() < limit
         time.sleep(0.02)
@@ -125,6 +127,37 @@ def test_a_set_can_grow_but_not_change(whole: Path, tmp_path: Path, capsys: pyte
         assert f"begun with {seen} [" in capsys.readouterr().err
 
 
+def test_a_growth_that_was_stopped_still_knows_what_was_finished(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "set"
+    shutil.copytree(whole, out)
+    more = ("--pairs", "8", "--test-pairs", "1")
+    run = started(out, *more, first=f"train/{3 * SEED_BLOCK + 2:09d}")
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    assert not (out / "dataset.json").exists()
+    changed, other = (out / "train" / f"{3 * SEED_BLOCK + k:09d}" for k in range(2))
+    (changed / "left.png").write_bytes((other / "left.png").read_bytes())
+    assert simulate(out, *more) == 2
+    assert f"{CHANGED}; got {changed}" in capsys.readouterr().err
+    shutil.rmtree(changed)
+    assert simulate(out, *more) == 0
+    assert {path.name for path in out.iterdir()} == {path.name for path in whole.iterdir()}
+
+
+def test_neighbours_that_share_an_organ_are_held_out_together(renderer: object, tmp_path: Path) -> None:
+    words = ("--organ", "stomach", "--rig", "drawn", "--width", "64", "--seed", "3", "--pairs", "5")
+    assert main(["simulate", "--out", str(tmp_path), *words]) == 0
+    reader = open_dataset(tmp_path, "train")
+    first = 3 * SEED_BLOCK  # a multiple of three
+    assert [reader.film(k) for k in range(5)] == [f"organ-{first // 3}"] * 3 + [f"organ-{first // 3 + 1}"] * 2
+    organs = [json.dumps(sample.info["scene"]["parts"], sort_keys=True) for sample in reader]
+    assert len(set(organs[:3])) == len(set(organs[3:])) == 1 and organs[0] != organs[3]
+    learned, held_out = split_pairs(reader, TrainConfig(held_out=1))
+    assert learned == [0, 1, 2] and len(held_out) == 1
+
+
 def test_a_strange_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "thesis.txt").write_text("mine")
     assert simulate(tmp_path, "--pairs", "1") == 2
@@ -152,10 +185,13 @@ def test_a_recipe_names_what_is_wrong(name: str, value: object) -> None:
     [
         (("--width", "100000"), "width: must be within 16..4096 pixels"),
         (("--height", "1000"), "height: must be within 1/4..4 times the width"),
-        (("--focal", "1e9"), "focal_px: must be within 0.1..10.0 times the width"),
-        (("--baseline", "0"), "baseline_mm: must be within 0.1..100.0 mm"),
-        (("--min-disparity", "5"), "limits: "),
-        (("--max-disparity", "33"), "limits: the largest disparity must be at most half the width"),
+        (("--focal", "1e9"), "focal: must be within 0.1..10.0 times the width"),
+        (("--baseline", "0"), "baseline: must be within 0.1..100.0 mm"),
+        (("--min-disparity", "5"), "min_disparity, max_disparity: "),
+        (
+            ("--max-disparity", "33"),
+            "min_disparity, max_disparity: the largest disparity must be at most half the width",
+        ),
         (("--video", "--frames", "0"), "frames: must be at least 1"),
     ],
 )

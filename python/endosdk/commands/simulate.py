@@ -186,7 +186,25 @@ def _render(args: argparse.Namespace) -> int:
     return report.end()
 
 
+# What a recipe calls otherwise than the command line does.
+_OPTIONS_OF = {
+    "limits": "min_disparity, max_disparity",
+    "motion_px": "motion_blur",
+    "focal_px": "focal",
+    "baseline_mm": "baseline",
+}
+
+
 def _recipe(args: argparse.Namespace) -> Recipe:
+    from endosdk.errors import InvalidArgument
+
+    try:
+        return _drawn_recipe(args)
+    except InvalidArgument as error:
+        raise InvalidArgument(_OPTIONS_OF.get(error.argument, error.argument), error.rule, error.value) from error
+
+
+def _drawn_recipe(args: argparse.Namespace) -> Recipe:
     from endosdk.errors import InvalidArgument
     from endosdk.simulation.camera import StereoCamera
     from endosdk.simulation.effects import Effects

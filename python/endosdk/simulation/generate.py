@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, read_record
+from endosdk.datasets.dataset import FORMAT_VERSION, RECORD, SPLITS, read_record
 from endosdk.datasets.sample_hash import hash_sample
 from endosdk.datasets.writer import write_dataset_record
 from endosdk.errors import DatasetInvalid, InvalidArgument
@@ -20,9 +20,10 @@ from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.render_processes import render_apart, render_here, render_on_ray
 from endosdk.simulation.sample import GENERATOR_VERSION
 from endosdk.simulation.scene import MIXTURES
-from endosdk.simulation.tasks import Job, Task
+from endosdk.simulation.tasks import Job, Task, pairs_per_organ
 
 RECIPE = "recipe.json"
+PREVIOUS = "dataset.previous.json"  # the record of a set that grows: what was finished must stay as it was
 CHANGED = "a finished sample was changed; delete its folder, and the same command renders it again"
 
 
@@ -53,10 +54,12 @@ def generate(
         _claim(job.root, recipe)  # not before: what it removes and writes may be in use by another run
         _check_finished(job.root)
         if missing:
-            (job.root / "dataset.json").unlink(missing_ok=True)
+            if (job.root / RECORD).exists():
+                (job.root / RECORD).replace(job.root / PREVIOUS)
             _render_all(job, missing, workers, progress, ray)
         record = _record(job)
         write_dataset_record(job.root, record)
+        (job.root / PREVIOUS).unlink(missing_ok=True)
         return record
 
 
@@ -79,9 +82,10 @@ def _claim(root: Path, recipe: Recipe) -> None:
 
 def _check_finished(root: Path) -> None:
     """Raise DatasetInvalid where a sample of a set that was complete is no longer what its record says."""
-    if not (root / "dataset.json").exists():
+    record = next((name for name in (RECORD, PREVIOUS) if (root / name).exists()), None)
+    if record is None:
         return
-    recorded = read_record(root)["samples"]
+    recorded = read_record(root, record)["samples"]
     for split in SPLITS:
         for name, sha256 in recorded[split].items():
             folder = root / split / name
@@ -143,6 +147,7 @@ def _record(job: Job) -> dict[str, Any]:
         "seeds": seeds,
         "camera": _camera(recipe),
         "disparity_limits_px": asdict(recipe.limits),
+        "pairs_per_organ": pairs_per_organ(recipe),
         "samples": samples,
         **{name: described[name] for name in ("effects", "frames", "aspect", "faults") if name in described},
     }

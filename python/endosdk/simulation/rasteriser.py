@@ -59,7 +59,7 @@ class Rasteriser:
 
     @property
     def version(self) -> str:
-        """Name and version of the OpenGL in use: samples are reproducible to the bit with one such version."""
+        """Name and version of the OpenGL in use: with one such version samples are the same to rounding."""
         info = self._gl.info
         return f"{info['GL_RENDERER']}; {info['GL_VERSION']}"
 

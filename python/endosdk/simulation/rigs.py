@@ -52,7 +52,7 @@ class SceneRig:
     centre: tuple[float, float]  # principal point of both views, px
     span: str  # name of what the scene shows
     farthest: float
-    nearest: float  # no organ or object comes nearer
+    nearest: float  # no object comes nearer; an organ by what a preview tells, so within a few per cent
     limit: float  # nothing comes nearer, not even an instrument
 
     def pair(self) -> RectifiedPair:

@@ -47,7 +47,9 @@ class DisparityLimits:
             rule = f"disparities must satisfy 0 < smallest < largest <= {MOST_DISPARITY} px"
             raise InvalidArgument("limits", rule, (self.smallest, self.largest))
         if self.largest < 4 * self.smallest:
-            raise InvalidArgument("limits", "the largest disparity must be at least 4 times the smallest", self)
+            raise InvalidArgument(
+                "limits", "the largest disparity must be at least 4 times the smallest", (self.smallest, self.largest)
+            )
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from endosdk.datasets.dataset import Sample, read_colours
 from endosdk.errors import StorageFailed
-from endosdk.io.whole_files import PARTIAL
+from endosdk.io.new_folders import made_folder
+from endosdk.io.whole_files import whole_path
 from endosdk.simulation.camera import Pose, StereoCamera, look, rectified_pair
 from endosdk.simulation.curve import Floats, bezier
 from endosdk.simulation.effects import Effects, affected
@@ -132,25 +133,26 @@ def write_video(path: Path, folders: list[Path]) -> None:
     """Write the frames in sample folders as one MP4, left and right side by side. Raises StorageFailed."""
     import cv2
 
-    partial = path.parent.parent / f"{PARTIAL}{path.stem}.mp4"
-    try:
-        path.parent.mkdir(exist_ok=True)
-        writer = None
-        for folder in folders:
-            frame = np.hstack([read_colours(folder / name) for name in ("left.png", "right.png")])
-            if writer is None:
-                size = (frame.shape[1], frame.shape[0])
-                writer = cv2.VideoWriter(str(partial), cv2.VideoWriter.fourcc(*"mp4v"), FRAME_RATE, size)
-            writer.write(np.ascontiguousarray(frame[..., ::-1]))
-        if writer is not None:
+    frames = (np.hstack([read_colours(folder / f"{view}.png") for view in ("left", "right")]) for folder in folders)
+    first = next(frames)
+    size = (first.shape[1], first.shape[0])
+    made_folder(path.parent, "out")
+    with whole_path(path, "out") as partial:
+        writer = cv2.VideoWriter(str(partial), cv2.VideoWriter.fourcc(*"mp4v"), FRAME_RATE, size)
+        try:
+            if not writer.isOpened():
+                raise StorageFailed(
+                    "out", "OpenCV must be able to write MPEG-4 video", f"{path}: it has no such writer"
+                )
+            for frame in chain([first], frames):
+                writer.write(np.ascontiguousarray(frame[..., ::-1]))
+        finally:
             writer.release()
         # OpenCV does not say when the disk is full.
         if _count_frames(partial) != len(folders):
-            raise OSError("it cannot be read back; is the disk full?")
-        shutil.move(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise StorageFailed("out", "the video must be writable", f"{path}: {error}") from error
+            raise StorageFailed(
+                "out", "the video must be writable", f"{path}: it cannot be read back; is the disk full?"
+            )
 
 
 def _count_frames(path: Path) -> int:

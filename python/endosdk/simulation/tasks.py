@@ -15,7 +15,7 @@ from endosdk.simulation.cycles.blender import CyclesRenderer
 from endosdk.simulation.cycles.environment import find_python
 from endosdk.simulation.faults.spoil import draw_faults, spoil
 from endosdk.simulation.objects.pair import render_objects
-from endosdk.simulation.organ import render_organ
+from endosdk.simulation.organ import SHARED_BY, render_organ
 from endosdk.simulation.rasteriser import Rasteriser
 from endosdk.simulation.recipe import Recipe
 from endosdk.simulation.renderer import Renderer
@@ -94,7 +94,7 @@ def _rectified(renderer: Renderer, recipe: Recipe, seed: int) -> Sample:
     """Render a pair of an ideal or a drawn rig, spoiled where the recipe asks for it."""
     if recipe.organ == SHAPES:
         sample = render_objects(renderer, seed, _rig(recipe, seed, OBJECT_SPANS))
-    elif recipe.rig == "drawn" or recipe.organ == LAP:
+    elif _shares_organs(recipe):
         rig = _rig(recipe, seed, ORGAN_SPANS)
         sample = render_organ(renderer, seed, recipe.organ, rig, recipe.effects, clean=recipe.faults)
     else:
@@ -103,6 +103,15 @@ def _rectified(renderer: Renderer, recipe: Recipe, seed: int) -> Sample:
         return sample
     faults = draw_faults((seed, 22), sample.left.shape[0] / sample.left.shape[1])
     return sample if faults is None else spoil(sample, faults, (seed, 23))
+
+
+def pairs_per_organ(recipe: Recipe) -> int:
+    """Return how many neighbouring seeds look at one organ."""
+    return SHARED_BY if _shares_organs(recipe) else 1
+
+
+def _shares_organs(recipe: Recipe) -> bool:
+    return recipe.organ != SHAPES and (recipe.rig == "drawn" or recipe.organ == LAP)
 
 
 def _rig(recipe: Recipe, seed: int, spans: Spans) -> SceneRig:

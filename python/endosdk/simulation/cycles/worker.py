@@ -256,11 +256,11 @@ def prepare(settings: dict[str, Any], device: str) -> Any:
     return scene.camera
 
 
-def load(folder: Path, device: str) -> Any:
+def load(folder: Path) -> Any:
     """Replace everything by the scene in a folder; return the camera."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     description = json.loads((folder / "scene.json").read_text())
-    camera = prepare(description, device)
+    camera = prepare(description, use_graphics_card())  # the factory settings know of no card
     for part in description["parts"]:
         add_mesh(folder, part, tissue_material(folder, part, description["lamp"]))
     add_lamp(description["lamp"])
@@ -321,7 +321,7 @@ def main() -> None:
         request = json.loads(line)
         try:
             if "load" in request:
-                camera = load(Path(request["load"]), device)
+                camera = load(Path(request["load"]))
             else:
                 np.save(request["out"], draw(camera, request["view"]))
             answer: dict[str, Any] = {"done": True}

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from endosdk.datasets.dataset import FORMAT_VERSION, SPLITS, Sample, read_sample_record
+from endosdk.datasets.dataset import SPLITS, Sample, film_of, read_record, read_sample_record
 from endosdk.datasets.layouts import open_dataset
 from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import DatasetInvalid, InvalidArgument, StorageFailed
@@ -32,7 +32,7 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
                 raise DatasetInvalid("spoil", "must be a set without image faults; this sample has some", folder)
             if (folder / RIG_FILE).exists():
                 raise DatasetInvalid("spoil", "must be a set of rectified pairs; this sample has raw views", folder)
-        if any(reader.film(index) != sample_id for index, sample_id in enumerate(reader.ids)):
+        if any(film_of(sample_id) != sample_id for sample_id in reader.ids):
             raise DatasetInvalid(
                 "spoil", "must be a set of single pairs: each frame would get faults of its own", source
             )
@@ -51,7 +51,7 @@ def spoil_set(source: str | Path, root: str | Path, seed: int, progress: bool = 
             samples[split][sample.id] = write_sample(out, split, _spoilt(sample, seed))
     whole = readers[SPLITS[0]]
     record = {
-        "format_version": FORMAT_VERSION,
+        **read_record(Path(source)),
         "name": out.resolve().name,
         "spoiled_from": {"name": whole.name, "sha256": whole.sha256},
         "seed": seed,
