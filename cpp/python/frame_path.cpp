@@ -218,10 +218,14 @@ py::tuple rectified_views(const py::array& left, const py::array& right, const R
   check_pair(pair);
   const Size size = pair.size();
   const Rig rig = rig_of(numbers);
-  auto stage = std::make_shared<const RectifyStage>(size, &rig, std::nullopt, [] {});
   auto out_left = new_picture(size);
   auto out_right = new_picture(size);
-  RowsOfPairs(std::move(stage)).write(pair, out_left.mutable_data(), out_right.mutable_data());
+  uint8_t* const to_left = out_left.mutable_data();
+  uint8_t* const to_right = out_right.mutable_data();
+  {
+    const py::gil_scoped_release release;
+    RowsOfPairs(std::make_shared<const RectifyStage>(size, &rig, std::nullopt, [] {})).write(pair, to_left, to_right);
+  }
   return py::make_tuple(out_left, out_right);
 }
 

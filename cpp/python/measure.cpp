@@ -26,6 +26,13 @@ MeasuredMaps maps_of(const py::array& depth, const py::array& sigma, const py::a
   return maps;
 }
 
+// Frames of a Python session need the interpreter: what may take long must not hold it.
+template <typename Work>
+auto unlocked(const Work& work) {
+  const py::gil_scoped_release release;
+  return work();
+}
+
 std::vector<Point> points_of(const Doubles& pixels) {
   std::vector<Point> points(static_cast<size_t>(pixels.shape(0)));
   for (size_t i = 0; i < points.size(); ++i) points[i] = {pixels.data()[2 * i], pixels.data()[2 * i + 1]};
@@ -36,11 +43,15 @@ template <typename Turn>
 Doubles turned(const Doubles& pixels, const Turn& turn) {
   const auto count = static_cast<size_t>(pixels.shape(0));
   py::array_t<double> out({pixels.shape(0), py::ssize_t{2}});
-  for (size_t i = 0; i < count; ++i) {
-    const Point found = turn(Point{pixels.data()[2 * i], pixels.data()[2 * i + 1]});
-    out.mutable_data()[2 * i] = found.x;
-    out.mutable_data()[2 * i + 1] = found.y;
-  }
+  const double* const from = pixels.data();
+  double* const to = out.mutable_data();
+  unlocked([&] {
+    for (size_t i = 0; i < count; ++i) {
+      const Point found = turn(Point{from[2 * i], from[2 * i + 1]});
+      to[2 * i] = found.x;
+      to[2 * i + 1] = found.y;
+    }
+  });
   return out;
 }
 
@@ -58,21 +69,25 @@ void bind_lengths(py::module_& m) {
   m.def(
       "point_at",
       [](const py::array& depth, const py::array& sigma, const py::array& reasons, const CameraNumbers& camera, double x, double y) {
-        const MeasuredPoint found = point_at(maps_of(depth, sigma, reasons, camera), {x, y});
+        const MeasuredPoint found = unlocked([&, maps = maps_of(depth, sigma, reasons, camera)] { return point_at(maps, {x, y}); });
         return py::make_tuple(matrix(found.xyz, 1), matrix(found.covariance, 3));
       },
       arg("depth"), arg("sigma"), arg("reasons"), arg("camera"), arg("x"), arg("y"));
   m.def(
       "path_length",
       [](const py::array& depth, const py::array& sigma, const py::array& reasons, const CameraNumbers& camera, const Doubles& pixels) {
-        const Measured found = path_length(maps_of(depth, sigma, reasons, camera), points_of(pixels));
+        const Measured found = unlocked([maps = maps_of(depth, sigma, reasons, camera), points = points_of(pixels)] {
+          return path_length(maps, points);
+        });
         return std::make_tuple(found.value, found.standard_error);
       },
       arg("depth"), arg("sigma"), arg("reasons"), arg("camera"), arg("pixels"));
   m.def(
       "area",
       [](const py::array& depth, const py::array& sigma, const py::array& reasons, const CameraNumbers& camera, const Doubles& polygon) {
-        const MeasuredArea found = area(maps_of(depth, sigma, reasons, camera), points_of(polygon));
+        const MeasuredArea found = unlocked([maps = maps_of(depth, sigma, reasons, camera), points = points_of(polygon)] {
+          return area(maps, points);
+        });
         return std::make_tuple(found.flat.value, found.flat.standard_error, found.relief.value, found.relief.standard_error,
                                found.coverage);
       },

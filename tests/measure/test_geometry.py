@@ -87,6 +87,14 @@ def test_valid_region_is_covered_and_cannot_grow():
         assert (raw > -0.51).all()
         assert (raw < (rig.width - 0.49, rig.height - 0.49)).all()
     assert 0.3 * g.width * g.height < width * height < g.width * g.height
+    for left, top, right, bottom in ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)):
+        columns = np.arange(x - left, x + width + right)
+        rows = np.arange(y - top, y + height + bottom)
+        grown = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)
+        raws = [rectified_to_raw(rig, grown, side, alpha=1.0) for side in ("left", "right")]
+        seen = [((raw >= 0) & (raw <= (rig.width - 1, rig.height - 1))).all(axis=1) for raw in raws]
+        inside = ((grown >= 0) & (grown < (g.width, g.height))).all(axis=1)
+        assert not (seen[0] & seen[1] & inside).all(), "one row or column more is not covered"
     assert valid_region(StereoCalibration.rectified(200.0, 5.0, (160, 96))) == (0, 0, 160, 96)
 
 

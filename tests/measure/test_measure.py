@@ -210,6 +210,27 @@ def test_the_plane_is_fitted_to_the_whole_of_an_outline_of_any_height():
         assert found.relief.value == pytest.approx(2 * 1.96 * 0.5, rel=0.02)
 
 
+def receding(plane, corner):
+    """A floor that recedes to the right, whose depth is not known beyond a column, and an outline up to a corner."""
+    depth = np.full_like(plane.depth, np.nan)
+    depth[:, :40] = 1.0 / (0.05 - 0.001 * np.arange(40))  # its horizon is column 50
+    result = with_maps(plane, depth=depth, sigma=np.where(np.isnan(depth), np.nan, 0.002 * depth).astype(np.float32))
+    return area(result, [(2, 20), (corner, 20), (corner, 70), (2, 70)])
+
+
+def test_an_outline_over_the_horizon_of_its_plane_is_refused(plane):
+    areas = [receding(plane, corner).flat.value for corner in (30, 39, 44)]
+    assert areas == sorted(areas)
+    for corner in (50, 60, 75):  # half of it has depth, and its lines of sight never meet the plane
+        with pytest.raises(InvalidArgument, match=rf"^polygon: must end before the horizon .*the corner {corner}, "):
+            receding(plane, corner)
+
+
+def test_a_line_has_at_most_as_many_pixels_as_a_polygon(plane):
+    with pytest.raises(InvalidArgument, match=r"^pixels: must be two or more, and at most 10000; got 10001"):
+        path_length(plane, [(40, 40)] * 10_001)
+
+
 def test_relief_of_a_step(plane):
     depth = plane.depth.copy()
     depth[40:50, 50:70] -= 4

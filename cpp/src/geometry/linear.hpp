@@ -54,6 +54,7 @@ std::array<double, size> inverse(std::array<double, size> a) {
 Mat3 transpose(const Mat3& a);
 double determinant(const Mat3& a);
 
+double dot(const Vec3& a, const Vec3& b);
 Vec3 cross(const Vec3& a, const Vec3& b);
 double norm(const Vec3& v);
 Vec3 scale(const Vec3& v, double factor);

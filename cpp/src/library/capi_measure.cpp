@@ -52,9 +52,8 @@ void require_values(const double* values, size_t count, const char* argument) {
 }
 
 std::vector<endosdk::Point> pixels_of(const double* pixels, size_t count) {
-  constexpr size_t most = 10000;  // what a path takes grows with the square: two seconds
   require_values(pixels, count, "pixels");
-  require(count <= most, "count", endosdk::Text("must be at most ", most), count);
+  require(count <= endosdk::most_pixels, "count", endosdk::Text("must be at most ", endosdk::most_pixels), count);
   std::vector<endosdk::Point> points(count);
   for (size_t i = 0; i < count; ++i) points[i] = {pixels[2 * i], pixels[2 * i + 1]};
   return points;

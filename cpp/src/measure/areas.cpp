@@ -11,7 +11,7 @@ namespace {
 // L of the mean over a whole surface, longer than that of two pixels: a weak part of the errors goes on over an object.
 constexpr double plane_correlation_share = 0.05;
 
-constexpr size_t most_corners = 10'000;  // of a polygon
+constexpr double least_nearness_errors = 1.0;  // of a corner on the plane: nearer to the horizon its own error means nothing
 
 constexpr size_t most_fitted = 600;  // neighbouring pixels hardly know more than one of them
 
@@ -29,18 +29,17 @@ struct Seen {
   double standard_error;
 };
 
-// 1 / depth = terms . (1, x, y), which is a plane in space; x and y are pixels from the origin.
+// 1 / depth, the nearness, = terms . (1, x, y), which is a plane in space; x and y are pixels from the origin.
 struct Plane {
   Vec3 terms;
   Mat3 covariance;
   Point origin;
 
-  double depth(Point pixel) const {
-    return 1.0 / (terms[0] + terms[1] * (pixel.x - origin.x) + terms[2] * (pixel.y - origin.y));
-  }
+  Vec3 factors(Point pixel) const { return {1.0, pixel.x - origin.x, pixel.y - origin.y}; }
+  double nearness(Point pixel) const { return dot(terms, factors(pixel)); }
+  double nearness_error(Point pixel) const { return std::sqrt(dot(factors(pixel), multiply(covariance, factors(pixel)))); }
+  double depth(Point pixel) const { return 1.0 / nearness(pixel); }
 };
-
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 // On which side of the line from a to b a point lies.
 double side_of(const Point& a, const Point& b, const Point& p) { return (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x); }
@@ -70,7 +69,7 @@ bool goes_through(const Point& a, const Point& p, const Point& b, const Point& b
 }
 
 void check_polygon(const MeasuredMaps& maps, const std::vector<Point>& polygon) {
-  require(polygon.size() >= 3 && polygon.size() <= most_corners, "polygon", Text("must be 3 to ", most_corners, " pixels"),
+  require(polygon.size() >= 3 && polygon.size() <= most_pixels, "polygon", Text("must be 3 to ", most_pixels, " pixels"),
           polygon.size());
   for (const Point& p : polygon) {
     const bool inside = p.x >= -0.5 && p.y >= -0.5 && p.x <= maps.size.width - 0.5 && p.y <= maps.size.height - 0.5;
@@ -166,6 +165,15 @@ Plane fit(const std::vector<Seen>& seen, double correlation_length) {
   return plane;
 }
 
+// Where depth is missing, the plane goes on as it likes. A line of sight towards its horizon, or past it, never meets it.
+void check_before_horizon(const std::vector<Point>& polygon, const Plane& plane) {
+  for (const Point& corner : polygon) {
+    require(plane.nearness(corner) > least_nearness_errors * plane.nearness_error(corner), "polygon",
+            "must end before the horizon of the plane through its depths; leave out what has no depth",
+            Text("the corner ", corner.x, ", ", corner.y));
+  }
+}
+
 // Of the polygon where its lines of sight meet the plane.
 double flat_area(const MeasuredMaps& maps, const std::vector<Point>& polygon, const Plane& plane) {
   Vec3 sum{};
@@ -226,6 +234,7 @@ MeasuredArea area(const MeasuredMaps& maps, const std::vector<Point>& polygon) {
   const double coverage = static_cast<double>(seen.size()) / static_cast<double>(total);
   require(coverage >= least_area_coverage, "polygon", "must hold depth on half of its pixels or more", coverage);
   const Plane plane = fit(seen, plane_correlation_share * maps.size.width);
+  check_before_horizon(polygon, plane);
   return {flat(maps, polygon, plane), relief(maps, seen, plane), coverage};
 }
 

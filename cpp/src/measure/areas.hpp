@@ -19,8 +19,8 @@ struct MeasuredArea {
   double coverage = 0.0;
 };
 
-// A pixel is inside when its centre is. Refuses polygons that leave the map, cross themselves or hold too
-// few pixels with depth.
+// A pixel is inside when its centre is. Refuses polygons that leave the map, cross themselves, hold too few pixels with depth, or
+// reach where the plane through these is not in front of the camera.
 MeasuredArea area(const MeasuredMaps& maps, const std::vector<Point>& polygon);
 
 }  // namespace endosdk

@@ -16,8 +16,6 @@ struct Sighted {
   double standard_error;
 };
 
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 Vec3 difference(const Vec3& a, const Vec3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
 const char* reason_name(uint8_t reasons) {
@@ -67,7 +65,7 @@ MeasuredPoint point_at(const MeasuredMaps& maps, Point pixel) {
 }
 
 Measured path_length(const MeasuredMaps& maps, const std::vector<Point>& pixels) {
-  require(pixels.size() >= 2, "pixels", "must be two or more", pixels.size());
+  require(pixels.size() >= 2 && pixels.size() <= most_pixels, "pixels", Text("must be two or more, and at most ", most_pixels), pixels.size());
   std::vector<Sighted> seen;
   for (const Point& pixel : pixels) seen.push_back(look(maps, pixel));
   const auto covariance = [&](size_t i, size_t j) {

@@ -22,6 +22,9 @@ namespace endosdk {
 constexpr double correlation_share = 0.021;
 constexpr double mean_square_share = 0.45;
 
+// Of a line or a polygon: what they take grows with the square, to two seconds.
+constexpr size_t most_pixels = 10'000;
+
 // The maps of one frame and the camera that they belong to. Reasons may be null.
 struct MeasuredMaps {
   Size size;
