@@ -272,6 +272,36 @@ def test_a_cropped_rig_shows_about_what_the_window_shows(window: tuple[int, int,
         assert (np.abs(raw - np.clip(raw, 0, [window[2] - 1, window[3] - 1])) < 1).all()
 
 
+@pytest.mark.parametrize("rig", [raw_rig(), fisheye_rig()], ids=["pinhole", "fisheye"])
+@pytest.mark.parametrize("size", [(320, 480), (640, 240)])
+def test_half_width_video_shows_what_the_whole_one_does(rig: StereoCalibration, size: tuple[int, int]) -> None:
+    """OpenCV's square pixels would show half of it: in a frame of half the width, at the full height's focal length."""
+    whole, half = rig.rectification(), rig.scaled(*size).rectification()
+    expected = whole.scaled(*size)
+    for name in ("P1", "P2", "R1", "R2"):
+        np.testing.assert_allclose(getattr(half, name), getattr(expected, name), rtol=1e-2, atol=1e-3, err_msg=name)
+    assert half.baseline_mm == pytest.approx(whole.baseline_mm)
+
+
+def test_nearly_square_pixels_become_square_as_in_opencv() -> None:
+    matrix = raw_rig().left_matrix.copy()
+    matrix[0, 0] *= 1.03
+    geometry = raw_rig(left_matrix=matrix, right_matrix=matrix).rectification()
+    assert geometry.focal_px == geometry.focal_y_px
+
+
+def test_a_rotation_may_be_rounded_to_four_decimals() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        turn = rotation(*np.radians(rng.normal(0, 6, 3)))
+        raw_rig(rotation=turn.round(4))
+
+
+def test_cameras_one_above_the_other_are_no_rig() -> None:
+    with pytest.raises(InvalidCalibration, match="must lie side by side"):
+        raw_rig(rotation=rotation(0, 0, 1.2), translation=np.array([-5.0, 3.0, 0.0])).rectification()
+
+
 @pytest.mark.parametrize("alpha", [1.5, -0.5, 10**400, float("nan"), "0", None])
 def test_alpha_outside_its_range_is_refused(alpha: Any) -> None:
     with pytest.raises(InvalidArgument, match="alpha"):

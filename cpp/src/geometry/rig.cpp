@@ -16,6 +16,11 @@ namespace {
 // point.
 constexpr double rectified_tolerance = 1e-6;
 
+// fx over fy, or fy over fx. Rectified pixels are square, as OpenCV's, unless the raw ones are more oblong than this, as in
+// half-width video. Then the rectified ones have the same form: in a frame of the same size, square ones would show half of the
+// scene.
+constexpr double most_oblong = 1.05;
+
 Camera camera(const endo_calibration& rig, bool second) {
   const double* k = second ? rig.right_matrix : rig.left_matrix;
   const double* d = second ? rig.right_distortion : rig.left_distortion;
@@ -51,7 +56,16 @@ Rectification turn_views(const endo_calibration& rig, double alpha) {
   std::copy(std::begin(rig.translation), std::end(rig.translation), stereo.translation.begin());
   stereo.width = rig.width;
   stereo.height = rig.height;
-  return stereo_rectify(stereo, alpha);
+  const double aspect = std::sqrt(stereo.left.fx / stereo.left.fy * stereo.right.fx / stereo.right.fy);
+  if (std::max(aspect, 1.0 / aspect) <= most_oblong) return stereo_rectify(stereo, alpha);
+  stereo.width = std::max(1, static_cast<int>(std::lround(rig.width / aspect)));
+  const double squeeze = static_cast<double>(stereo.width) / rig.width;
+  for (Camera* view : {&stereo.left, &stereo.right}) {
+    view->fx *= squeeze;
+    view->cx = (view->cx + 0.5) * squeeze - 0.5;
+  }
+  const RectifiedGeometry square = {stereo_rectify(stereo, alpha), {stereo.width, stereo.height}};
+  return square.scaled({rig.width, rig.height}).views;
 }
 
 constexpr double only_common_pixels = 0.0;

@@ -10,8 +10,8 @@
 namespace endosdk {
 namespace {
 
-// Files print rotations with four or more decimals. An error of 1e-4 moves a point 1000 px off the axis by 0.1 px.
-constexpr double orthonormal_tolerance = 1e-4;
+// Files print rotations with four or more decimals, which leave up to 1.5e-4 in R R'. The nearest rotation is used.
+constexpr double orthonormal_tolerance = 3e-4;
 
 // Of the frame's width and height. Smaller ones are stated in another unit, such as shares of the width.
 constexpr double least_half_axis = 0.05;

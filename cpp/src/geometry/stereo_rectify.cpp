@@ -23,7 +23,7 @@ Alignment align(const StereoRig& rig) {
   const Vec3 turn = rotation_vector(nearest_rotation(rig.rotation));
   const Mat3 half = rotation_matrix(scale(turn, -0.5));
   const Vec3 t = multiply(half, rig.translation);
-  require(std::fabs(t[0]) > std::fabs(t[1]), "translation", "the cameras must lie side by side, not one above the other",
+  require(std::fabs(t[0]) > std::fabs(t[1]), ENDO_INVALID_CALIBRATION, "translation", "the cameras must lie side by side, not one above the other",
           std::to_string(t[0]) + ", " + std::to_string(t[1]) + " along x and y");
   // Then both turn together, by the smallest rotation that brings the baseline onto the x axis.
   Vec3 axis = cross(t, {t[0] > 0.0 ? 1.0 : -1.0, 0.0, 0.0});
@@ -217,7 +217,7 @@ Rectification stereo_rectify(const StereoRig& rig, double alpha) {
   const Rectification result = rig.left.model == CameraModel::pinhole ? rectify_pinhole(rig, alignment, alpha)
                                                                       : rectify_fisheye(rig, alignment, alpha);
   const double focal = result.left_projection[0];
-  require(std::isfinite(focal) && focal > 0.0, "calibration", "must leave a picture after rectification",
+  require(std::isfinite(focal) && focal > 0.0, ENDO_INVALID_CALIBRATION, "calibration", "must leave a picture after rectification",
           "a rectified focal length of " + std::to_string(focal));
   return result;
 }

@@ -21,7 +21,7 @@ struct StereoRig {
 };
 
 // Rotations into the rectified coordinate frames, and projections from there to rectified pixels. Both projections share focal
-// length and principal point. right_projection[3] is minus focal length times baseline.
+// length and principal point. right_projection[3] is minus the focal length along x times the baseline.
 struct Rectification {
   Mat3 left_rotation;
   Mat3 right_rotation;

@@ -262,7 +262,7 @@ class StereoCalibration:
         """Return the calibration after the right camera turned about its own centre.
 
         ``rotation_deg`` is a rotation vector about x, y and z of the rectified frame, degrees, as
-        `DepthResult.rig` states it.
+        `DepthResult.rig` states it: that of the points that the camera sees. It turned the other way itself.
         """
         vector = np.radians(finite_array("rotation_deg", rotation_deg, (3,)))
         frame = self.rectification().R2
@@ -274,12 +274,21 @@ class StereoCalibration:
 
         ``size`` is the rectified (width, height), by default that of the raw pictures; another size is the same view
         resampled. ``alpha`` 0 keeps only pixels that both sources cover, 1 keeps every source pixel, -1 leaves the
-        choice to OpenCV's rule. A pair that is already rectified stays as it is. Where OpenCV would enlarge a view more
-        than 1.5 times for an ``alpha`` of 0, as that of cropped frames, the principal point moves instead.
+        choice to OpenCV's rule. A pair that is already rectified stays as it is. Two departures from OpenCV: where it
+        would enlarge a view more than 1.5 times for an ``alpha`` of 0, as that of cropped frames, the principal point
+        moves instead; and pixels that are over 5 % from square, as in half-width video, keep their form, where its
+        square ones would show half of the scene.
         """
         left_turn, right_turn, left_view, right_view = _core.rig_geometry(self.numbers(), check_alpha(alpha))
         geometry = RectifiedGeometry(left_turn, right_turn, left_view, right_view, self.width, self.height)
         return geometry if size is None else geometry.scaled(*check_size("size", size))
+
+
+def check_calibration(calibration: object) -> StereoCalibration:
+    """Return what is a calibration. Raises InvalidArgument for anything else."""
+    if not isinstance(calibration, StereoCalibration):
+        raise InvalidArgument("calibration", "must be a StereoCalibration", type(calibration).__name__)
+    return calibration
 
 
 def _camera(matrix: Matrix, distortion: Matrix, field: Ellipse | None) -> dict[str, Any]:
