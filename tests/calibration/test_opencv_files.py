@@ -154,6 +154,60 @@ def test_a_file_may_state_its_lens_model(tmp_path: Path, ending: str) -> None:
     assert_same_rig(load(path), fisheye_rig())
 
 
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"camera_model": "fisheye"},
+        {"model": "KannalaBrandt fisheye"},
+        {"lens_model": "equidistant"},
+        {"fisheye_model": 1},
+        {"is_fisheye": 1},
+        {"camera_model": "pinhole", "distortion_model": "equidistant"},
+    ],
+)
+def test_a_file_may_state_its_lens_model_in_other_words(tmp_path: Path, stated: dict[str, Any]) -> None:
+    assert_same_rig(load(fisheye_file(tmp_path / "fish.yml", **stated)), fisheye_rig())
+
+
+@pytest.mark.parametrize("stated", [{"camera_model": "FLIR BFS"}, {"model": "pinhole"}, {"fisheye_model": 0}])
+def test_what_names_no_fisheye_is_none(tmp_path: Path, stated: dict[str, Any]) -> None:
+    assert load(fisheye_file(tmp_path / "fish.yml", **stated)).model == "pinhole"
+
+
+def test_a_file_must_not_contradict_itself_or_the_caller_about_its_lens(tmp_path: Path) -> None:
+    path = fisheye_file(tmp_path / "fish.yml", distortion_model="plumb_bob", fisheye_model=1)
+    with pytest.raises(CalibrationUnreadable, match=r"distortion_model: must not be a pinhole camera's"):
+        load(path)
+    path = fisheye_file(tmp_path / "fish.yml", distortion_model="plumb_bob")
+    with pytest.raises(CalibrationUnreadable, match=r"distortion_model: .* for layout opencv-fisheye"):
+        load(path, layout="opencv-fisheye")
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("Meters", 1000.0), ("mm", 1.0)])
+def test_a_file_may_state_its_unit(tmp_path: Path, unit: str, mm: float) -> None:
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(T=RIG.translation / mm, units=unit))
+    np.testing.assert_allclose(load(path).translation, RIG.translation)
+
+
+def test_an_unknown_unit_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationUnreadable, match=r"units: must be one of mm, cm, m; got inch"):
+        load(write_opencv(tmp_path / "stereo.yml", opencv_fields(units="inch")))
+
+
+def test_two_sizes_in_one_file_must_agree(tmp_path: Path) -> None:
+    named = {"image_width": 640, "image_height": 480}
+    assert_same_rig(load(write_opencv(tmp_path / "stereo.yml", opencv_fields(**named))), RIG)
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(**{**named, "image_size": [1920, 1080]}))
+    with pytest.raises(CalibrationUnreadable, match=r"size: must be that of width and height, 640 x 480"):
+        load(path)
+
+
+def test_a_width_alone_does_not_tell_the_order_of_an_array(tmp_path: Path) -> None:
+    fields = opencv_fields(image_width=640, image_size=[480, 640])
+    with pytest.raises(CalibrationSizeMismatch, match=r"may mean \(width, height\) or \(height, width\)"):
+        load(write_opencv(tmp_path / "stereo.yml", fields))
+
+
 def test_an_unknown_lens_model_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CalibrationUnreadable, match=r"distortion_model: must be one of pinhole, "):
         load(fisheye_file(tmp_path / "fish.yml", distortion_model="omni"))

@@ -1,8 +1,8 @@
 """OpenCV's YAML, XML and JSON, under the spellings that are in use; lengths in mm unless the caller says otherwise.
 
 OpenCV's own sample writes two files, the cameras and the extrinsics; both may be given as a pair. Plain YAML with
-nested lists under the same names is read too. OpenCV's own samples do not say whether four coefficients are those of
-a fisheye; a ``distortion_model`` does.
+nested lists under the same names is read too. Most files do not say whether four coefficients are those of a fisheye;
+a ``distortion_model`` does, a flag such as ``fisheye_model``, or a ``camera_model`` with fisheye in its name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from endosdk.calibration.files.stated import RawCalibration, lens_model, matrix, picture_size, read_text, refusal
+from endosdk.calibration.files.stated import (
+    MM_PER_UNIT,
+    MODEL_OF,
+    RawCalibration,
+    lens_model,
+    matrix,
+    picture_size,
+    read_text,
+    refusal,
+)
+from endosdk.calibration.rules import CameraModel
 from endosdk.errors import CalibrationUnreadable
 from endosdk.io.bounded_read import Refused
 from endosdk.io.documents import parse_json, parse_opencv_xml, parse_yaml
@@ -41,9 +51,17 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
         "width": "width imagewidth imgwidth",
         "height": "height imageheight imgheight",
         "model": "distortionmodel",
+        "camera": "cameramodel lensmodel projectionmodel cameratype lenstype model",
+        "fisheye": "fisheyemodel isfisheye usefisheye fisheye",
+        "unit": "unit units lengthunit lengthunits",
     }.items()
 }
 FIELD_OF = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
+UNIT_OF = {
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+}
 SHAPES = {
     "left_matrix": (3, 3),
     "right_matrix": (3, 3),
@@ -81,15 +99,19 @@ def read(paths: tuple[Path, ...]) -> RawCalibration:
     numbers = {name: found[name] for name in SHAPES}
     return RawCalibration(
         **numbers,
-        size=_size(paths[0], found),
-        unit="mm",
-        model=lens_model(paths[0], found.get("model", "pinhole")),
-        size_may_be_swapped="width" not in found,
+        **_size(paths[0], found),
+        unit=_unit(paths[0], found),
+        model=_model(paths[0], found) or "pinhole",
     )
 
 
 def read_fisheye(paths: tuple[Path, ...]) -> RawCalibration:
-    """Read the same file with its four coefficients as OpenCV's fisheye model."""
+    """Read the same file with its four coefficients as OpenCV's fisheye model, which the file itself must not deny."""
+    for path in paths:
+        stated = _model(path, _fields(path))
+        if stated == "pinhole":
+            rule = "must not be that of a pinhole camera for layout opencv-fisheye"
+            raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, stated)
     return replace(read(paths), model="fisheye")
 
 
@@ -142,12 +164,42 @@ def _value(path: Path, key: str, value: Any) -> Any:
     return data
 
 
-def _size(path: Path, found: dict[str, Any]) -> tuple[int, int] | None:
+def _model(path: Path, found: dict[str, Any]) -> CameraModel | None:
+    """Return the lens model that the file states in any of the ways in use, None where it states none."""
+    stated = None if "model" not in found else lens_model(path, found["model"])
+    # Many write the name of a product there, or the projection alone: only a fisheye tells something.
+    camera = str(found.get("camera", "")).lower()
+    named = MODEL_OF.get(camera) == "fisheye" or "fisheye" in camera
+    flagged = str(found.get("fisheye", "")).strip().lower() in ("1", "1.", "1.0", "true", "yes", "on")
+    if not (named or flagged):
+        return stated
+    if stated == "pinhole":
+        rule = "must not be a pinhole camera's where the file calls the lens a fisheye elsewhere"
+        raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, found["model"])
+    return "fisheye"
+
+
+def _unit(path: Path, found: dict[str, Any]) -> str:
+    unit = str(found.get("unit", "mm")).strip().lower()
+    unit = UNIT_OF.get(unit, unit)
+    if unit not in MM_PER_UNIT:
+        raise CalibrationUnreadable(f"{path.name}: units", f"must be one of {', '.join(MM_PER_UNIT)}", found["unit"])
+    return unit
+
+
+def _size(path: Path, found: dict[str, Any]) -> dict[str, Any]:
+    """Return the size, and whether its sides may be swapped, as `RawCalibration` takes them."""
+    named = array = None
     if "width" in found and "height" in found:
-        return picture_size(path, found["width"], found["height"])
-    if "size" not in found:
-        return None
-    sides = matrix(path, "size", found["size"], (-1,))
-    if sides.size != 2:
-        raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", found["size"])
-    return picture_size(path, sides[0], sides[1])
+        named = picture_size(path, found["width"], found["height"])
+    if "size" in found:
+        sides = matrix(path, "size", found["size"], (-1,))
+        if sides.size != 2:
+            raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", found["size"])
+        array = picture_size(path, sides[0], sides[1])
+    if named is None:
+        return {"size": array, "size_may_be_swapped": array is not None}
+    if array not in (None, named, named[::-1]):
+        rule = f"must be that of width and height, {named[0]} x {named[1]}"
+        raise CalibrationUnreadable(f"{path.name}: size", rule, array)
+    return {"size": named, "size_may_be_swapped": False}
