@@ -1,5 +1,6 @@
 import hashlib
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -96,6 +97,22 @@ def test_files_hold_what_the_result_holds(predicted, tmp_path):
     assert sigma.dtype == np.float32 and np.array_equal(sigma, result.sigma, equal_nan=True)
     assert np.array_equal(np.isnan(sigma), ~valid)
     assert np.array_equal(read_frame(files["left_rectified.png"]), left)
+
+
+def test_disparities_that_the_picture_cannot_hold_have_a_file_of_their_own(predicted, tmp_path, caplog):
+    left, result = predicted
+    disparity = result.disparity.copy()
+    rows, columns = np.nonzero(result.reasons == 0)
+    disparity[rows[:3], columns[:3]] = 255.99, 256.5, 300.0
+    far = replace(result, maps=result.maps._replace(disparity=disparity))
+    with caplog.at_level("WARNING", "endosdk"):
+        files = write_result(tmp_path, left, far)
+    assert "the 2 disparities over 256 px" in caplog.text
+    picture = cv2.imread(str(files["disparity.png"]), cv2.IMREAD_UNCHANGED)
+    assert list(picture[rows[:4], columns[:4]]) == [65533, 0, 0, round(256 * float(disparity[rows[3], columns[3]]))]
+    wanted = np.where(result.reasons == 0, disparity, np.nan)
+    np.testing.assert_array_equal(np.load(files["disparity.npy"]), wanted)
+    assert "disparity.npy" not in write_result(tmp_path, left, result) and not (tmp_path / "disparity.npy").exists()
 
 
 def pictures(folder):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from endosdk.errors import InvalidArgument, StorageFailed
 from endosdk.io.file_hash import file_sha256
 from endosdk.io.new_folders import made_folder
-from endosdk.io.pictures import write_picture
+from endosdk.io.pictures import DISPARITY_STEPS, LARGEST_DISPARITY, write_picture
 from endosdk.io.point_cloud import write_ply
 from endosdk.io.whole_files import whole_file, write_json
 from endosdk.runtime.overview import colour_map, overview, robust_range
@@ -22,6 +23,8 @@ RESULT = "result.json"
 
 # What a result without a rig has not. Its maps lie over the left picture as it came.
 FILES_OF_A_RIG = ("left_rectified.png", "depth.png", "depth.npy", "sigma.npy", "depth_preview.png", "points.ply")
+
+DISPARITY_ARRAY = "disparity.npy"
 
 GEOMETRY = ("focal_px", "focal_y_px", "cx", "cy", "baseline_mm", "doffs")  # of a record, by the names of the rig's
 
@@ -53,7 +56,7 @@ def write_result(
         write_picture(written["depth_preview.png"], colour_map(result.depth_map, *robust_range(result.depth_map)))
         written["points.ply"] = folder / "points.ply"
         write_ply(written["points.ply"], result.points(), left)
-    for name in FILES_OF_A_RIG:
+    for name in (*FILES_OF_A_RIG, DISPARITY_ARRAY):
         if name not in written:
             _remove(folder / name)
     return written
@@ -63,6 +66,8 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
     ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit, tenths of a mm; both 0 where there is no value.
+    A disparity of 256 px or more does not fit into that picture: where there is one, ``disparity.npy`` has all of them,
+    float32 px, NaN where there is no value, and a warning goes to the log ``endosdk``.
     ``depth.npy`` keeps the float32 millimetres, ``sigma.npy`` the expected error of each, float32 mm; both NaN where
     there is no value. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits. With a calibration,
     ``left_rectified.png`` is ``left``, the rectified left view, RGB uint8 [H, W, 3], over which all maps lie; without
@@ -74,8 +79,9 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
             "left", f"must be uint8 {(*result.disparity.shape, 3)}, as the maps", f"{left.dtype} {left.shape}"
         )
     folder = made_folder(Path(folder), "out")
+    disparity = np.where(result.reasons == 0, result.disparity, np.float32(np.nan))
     pictures: dict[str, npt.NDArray[np.uint8] | npt.NDArray[np.uint16]] = {
-        "disparity.png": _to_uint16(np.where(result.reasons == 0, result.disparity * 256, 0)),
+        "disparity.png": _to_uint16(disparity * np.float32(DISPARITY_STEPS)),
         "confidence.png": np.rint(result.confidence * 255).astype(np.uint8),
         "reasons.png": result.reasons,
     }
@@ -86,12 +92,25 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
     for name, picture in pictures.items():
         write_picture(folder / name, picture)
         written[name] = folder / name
-    for name, values in (("depth.npy", result.depth_map), ("sigma.npy", result.sigma_map)):
+    arrays = {"depth.npy": result.depth_map, "sigma.npy": result.sigma_map, DISPARITY_ARRAY: _beyond_picture(disparity)}
+    for name, values in arrays.items():
         if values is not None:
             written[name] = folder / name
             with whole_file(written[name], "out") as stream:
                 np.save(stream, values)
     return written
+
+
+def _beyond_picture(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.float32] | None:
+    """Return the map where disparity.png cannot hold all of it."""
+    lost = int((disparity > LARGEST_DISPARITY).sum())
+    if lost == 0:
+        return None
+    logging.getLogger("endosdk").warning(
+        "disparity.png cannot hold the %d disparities over %.0f px and says 0 there; %s has them all",
+        *(lost, LARGEST_DISPARITY, DISPARITY_ARRAY),
+    )
+    return disparity
 
 
 def write_record(
