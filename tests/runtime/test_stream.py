@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator, errors
+from endosdk.runtime.result import Cause
+from endosdk.runtime.session import BoundRun
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.rigs import raw_rig
 
@@ -314,3 +316,21 @@ def test_an_estimator_may_be_closed_when_the_source_is_exhausted():
         time.sleep(0.01)
     estimator.close()
     assert [result.frame for result in stream] == [2]
+
+
+def test_a_frame_that_waits_for_a_slower_one_before_it_is_late(monkeypatch):
+    """Its own work took no time, but nobody could have it before."""
+    white = np.full((*SIZE, 3), 255, np.uint8)
+    run = BoundRun.run
+
+    def slow_for_white(self):
+        if all(view.min() == 255 for view in self._inputs.values()):
+            time.sleep(0.8)
+        run(self)
+
+    monkeypatch.setattr(BoundRun, "run", slow_for_white)
+    estimator = DepthEstimator(TINY_MODEL, threads=2, deadline_ms=400.0)
+    slow, waited = estimator.stream(iter([(white, white), shifted_pair(*SIZE, 8)]))
+    assert slow.late and waited.late
+    assert waited.causes[Cause.LATE] * 400 > 500  # ms
+    assert waited.timings.total_ms < 300

@@ -15,9 +15,9 @@ namespace endosdk {
 
 using Clock = std::chrono::steady_clock;
 
-inline double milliseconds(Clock::time_point from, Clock::time_point to) {
-  return std::chrono::duration<double, std::milli>(to - from).count();
-}
+inline double milliseconds(Clock::duration taken) { return std::chrono::duration<double, std::milli>(taken).count(); }
+
+inline double milliseconds(Clock::time_point from, Clock::time_point to) { return milliseconds(to - from); }
 
 struct FramePair {
   ImageView left;

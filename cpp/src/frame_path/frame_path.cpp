@@ -125,15 +125,17 @@ void FramePath::use(std::shared_ptr<Slot> slot) {
 
 void FramePath::prepare(Size frame) {
   process_.check();
+  Work work(cancelling_);
   const std::lock_guard lock(calls_);
   check_open();
+  work.check();
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   check_frame_size(frame, "size");
   network_size(frame);  // refuses one that is too narrow, before memory is taken for it
   // A black pair takes the same path as a real one, and makes every layer reserve what it will need.
   const std::vector<uint8_t> black(rgb_bytes(frame));
   const ImageView view = {black.data(), frame.width, frame.height, 3, ptrdiff_t{3} * frame.width};
-  compute({view, view, ChannelOrder::rgb}, {});
+  compute({view, view, ChannelOrder::rgb}, {}, work);
   watch_.make_room(*slot_);
   const std::lock_guard state(state_);
   if (latest_ != slot_) latest_.reset();  // the memory of the size before
@@ -142,16 +144,18 @@ void FramePath::prepare(Size frame) {
 FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
   process_.check();
   const Clock::time_point asked = Clock::now();
+  Work work(cancelling_);  // a cancel reaches calls that wait, too
   const std::lock_guard lock(calls_);
   try {
     check_open();
+    work.check();
     check_pair(pair);
     check_stamp(pair);
     check_maps(wanted, pair.size(), calibration() != nullptr);
     const LoopThreads threads(settings_.threads, settings_.thread_hook);
-    FrameReport report = compute(pair, wanted);
+    FrameReport report = compute(pair, wanted, work);
     watch_.add(report, *slot_);
-    finish(report, asked);
+    finish(report, Clock::now() - asked);
     keep_latest(slot_);
     hand_out(report);
     return report;
@@ -161,8 +165,7 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
   }
 }
 
-FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted) {
-  Work work(cancelling_);
+FrameReport FramePath::compute(const FramePair& pair, const MapsOut& wanted, Work& work) {
   const Clock::time_point started = Clock::now();
   const std::shared_ptr<Slot> former = slot_;
   try {
@@ -190,8 +193,8 @@ void FramePath::compute_in(Slot& slot, const FramePair& pair, const MapsOut& wan
   report.identity = identity();
 }
 
-void FramePath::finish(FrameReport& report, Clock::time_point asked) const {
-  report.total_ms = milliseconds(asked, Clock::now());
+void FramePath::finish(FrameReport& report, Clock::duration taken) const {
+  report.total_ms = milliseconds(taken);
   if (settings_.deadline_ms > 0.0) report.causes.set(Cause::late, report.total_ms / settings_.deadline_ms);
   report.late = report.causes.raised(Cause::late);
 }
@@ -250,10 +253,11 @@ void FramePath::remove_stream(Stream* stream) {
 
 std::unique_ptr<Stream> FramePath::stream(Size frame) {
   process_.check();
+  const Work work(cancelling_);
   const std::lock_guard lock(calls_);
   check_open();
+  work.check();
   check_frame_size(frame, "size");
-  const Work work(cancelling_);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const std::shared_ptr<const Rig> rig = calibration();
   auto stage = slot_ && slot_->stage().frame() == frame
@@ -269,14 +273,15 @@ std::unique_ptr<Stream> FramePath::stream(Size frame) {
 
 void FramePath::rectify(const FramePair& pair, uint8_t* left, uint8_t* right, size_t capacity) {
   process_.check();
+  const Work work(cancelling_);
   const std::lock_guard lock(calls_);
   check_open();
+  work.check();
   check_pair(pair);
   const Size size = pair.size();
   check_outputs(left, right, capacity, size);
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   if (!full_ || full_->stage().frame() != size) {
-    const Work work(cancelling_);
     full_.emplace(std::make_shared<const RectifyStage>(size, calibration().get(), std::nullopt, [&] { work.check(); }));
   }
   full_->write(pair, left, right);
@@ -303,9 +308,10 @@ void FramePath::rectified(uint8_t* left, uint8_t* right, size_t capacity) {
 
 void FramePath::self_test() {
   process_.check();
+  Work work(cancelling_);
   const std::lock_guard lock(calls_);
   check_open();
-  Work work(cancelling_);
+  work.check();
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const Size picture = slot_ ? slot_->stage().picture() : usual_size();
   run_self_test(sessions_.of(picture), picture, work);

@@ -89,9 +89,9 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
   void use(std::shared_ptr<Slot> slot);
   void keep_calibration(std::shared_ptr<const Rig> rig);
   double nearest_depth_mm(const Rig* rig) const;
-  FrameReport compute(const FramePair& pair, const MapsOut& wanted);
+  FrameReport compute(const FramePair& pair, const MapsOut& wanted, Work& work);
   void compute_in(Slot& slot, const FramePair& pair, const MapsOut& wanted, Work& work, FrameReport& report);
-  void finish(FrameReport& report, Clock::time_point asked) const;
+  void finish(FrameReport& report, Clock::duration taken) const;
   void judge_age(FrameReport& report) const;
   void hand_out(FrameReport& report);
   void log_faults(const FrameReport& report) const;

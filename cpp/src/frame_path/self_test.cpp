@@ -48,16 +48,21 @@ struct Answer {
   FrameReport report;
   std::vector<float> disparity, confidence, depth, sigma;
   std::vector<uint8_t> reasons;
+  std::vector<uint16_t> disparity_u16, depth_u16;
 
-  explicit Answer(size_t pixels) : disparity(pixels), confidence(pixels), depth(pixels), sigma(pixels), reasons(pixels) {}
+  explicit Answer(size_t pixels)
+      : disparity(pixels), confidence(pixels), depth(pixels), sigma(pixels), reasons(pixels), disparity_u16(pixels), depth_u16(pixels) {}
 
-  MapsOut maps() { return {disparity.data(), confidence.data(), depth.data(), sigma.data(), reasons.data(), nullptr, nullptr}; }
+  MapsOut maps() {
+    return {disparity.data(), confidence.data(), depth.data(), sigma.data(), reasons.data(), disparity_u16.data(), depth_u16.data()};
+  }
 
   // Compares the bytes, because pixels without depth hold NaN.
   bool same_as(const Answer& other) const {
     const auto same = [](const auto& a, const auto& b) { return std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0; };
     return same(disparity, other.disparity) && same(confidence, other.confidence) && same(depth, other.depth) &&
-           same(sigma, other.sigma) && same(reasons, other.reasons);
+           same(sigma, other.sigma) && same(reasons, other.reasons) && same(disparity_u16, other.disparity_u16) &&
+           same(depth_u16, other.depth_u16);
   }
 };
 
@@ -84,6 +89,14 @@ double share_of_plane(const KnownPair& pair, const Holds& holds) {
   return count > 0 ? static_cast<double>(held) / count : 0.0;
 }
 
+// A map in steps holds the same number as its float map, to half a step; 0 where that has none or one that 16 bits cannot hold.
+void check_steps(uint16_t steps, float value, double per_unit, bool valid, const char* what) {
+  const double wanted = static_cast<double>(value) * per_unit;
+  const bool fits = valid && wanted > -0.5 && wanted < std::numeric_limits<uint16_t>::max() + 0.5;
+  const bool right = fits ? std::fabs(steps - wanted) <= 0.51 : steps == 0;
+  require_answer(right, what, "must hold the steps of its map of floats", Text(steps, " steps at ", value));
+}
+
 // Each pixel must have either a reason, or the depth that follows from its disparity and an expected error.
 void check_agreement(const Answer& answer, const KnownPair& pair) {
   constexpr double rounding_px = 1e-3;
@@ -92,6 +105,10 @@ void check_agreement(const Answer& answer, const KnownPair& pair) {
     const bool valid = answer.reasons[i] == 0;
     require_answer(std::isfinite(answer.depth[i]) == valid, "self test: reasons", "must be set exactly where there is no depth",
                    Text(int{answer.reasons[i]}, " at a depth of ", answer.depth[i]));
+    require_answer(answer.confidence[i] >= 0.0f && answer.confidence[i] <= 1.0f, "self test: confidence", "must lie within 0..1",
+                   answer.confidence[i]);
+    check_steps(answer.disparity_u16[i], answer.disparity[i], 256.0, valid, "self test: disparity_u16");
+    check_steps(answer.depth_u16[i], answer.depth[i], 1.0 / every_answer.depth_unit_mm, valid, "self test: depth_u16");
     if (!valid) continue;
     ++count;
     const double off = pair.disparity_px(static_cast<double>(answer.depth[i])) - static_cast<double>(answer.disparity[i]);

@@ -1,5 +1,8 @@
 #include "frame_path/stream.hpp"
 
+#include <algorithm>
+#include <new>
+
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
 #include "platform/threads.hpp"
@@ -95,6 +98,8 @@ std::optional<Stream::Answer> Stream::receive() {
   change_.wait(lock, [&] { return has_answer(); });
   if (closed_ || received_ == submitted_) return std::nullopt;
   Frame& frame = at(received_);
+  available_ = std::max(available_, frame.finished);
+  const Clock::duration waited = available_ - frame.asked;
   // Before there is room for a further frame, whose pictures come to where those of the last but one are.
   path_->keep_latest(frame.answer.error ? nullptr : frame.slot);
   ++received_;
@@ -103,9 +108,10 @@ std::optional<Stream::Answer> Stream::receive() {
   lock.unlock();
   try {
     if (answer.error) std::rethrow_exception(answer.error);
-    const auto correction = watch_rig(answer.report, *frame.slot);
+    const Clock::time_point watched = Clock::now();
+    watch_rig(answer.report, *frame.slot);
+    path_->finish(answer.report, waited + (Clock::now() - watched));
     path_->hand_out(answer.report);
-    if (correction) correct_rectification(*correction);
   } catch (...) {
     answer.error = std::current_exception();  // the frame is received all the same, and its maps are free again
     path_->counters_.add_failure();
@@ -116,28 +122,48 @@ std::optional<Stream::Answer> Stream::receive() {
 void Stream::follow_rig() {
   require(rig_ != nullptr, ENDO_CALIBRATION_REQUIRED, "follow_rig", calibration_rule, "no calibration");
   const std::lock_guard lock(mutex_);
-  follows_ = true;
+  if (!follower_.joinable()) follower_ = new_thread([this] { follow(); });
 }
 
-// Takes one frame's pose error, in the order of the frames. Returns the correction that later frames shall have; none: no other.
-std::optional<PoseVector> Stream::watch_rig(FrameReport& report, Slot& slot) {
+// Takes one frame's pose error, in the order of the frames, and asks for the correction that later frames shall have.
+void Stream::watch_rig(FrameReport& report, Slot& slot) {
   const LoopThreads alone(1);  // the cores work on other frames
   const std::lock_guard lock(mutex_);
   watch_.add(report, slot);
-  if (!follows_ || watch_.frames() < corrected_at_ + frames_per_correction) return std::nullopt;
-  const std::optional<PoseVector> next = next_correction(stage_->corrected(), report.steady);
-  if (next) corrected_at_ = watch_.frames();
-  return next;
+  if (!follower_.joinable() || correction_ || watch_.frames() < corrected_at_ + frames_per_correction) return;
+  correction_ = next_correction(stage_->corrected(), report.steady);
+  if (!correction_) return;
+  corrected_at_ = watch_.frames();
+  change_.notify_all();
 }
 
-void Stream::correct_rectification(const PoseVector& correction) {
-  const LoopThreads threads(path_->settings().threads, path_->settings().thread_hook);
-  auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture_, [] {}, correction);
-  {
-    const std::lock_guard lock(mutex_);
-    stage_ = std::move(stage);
+// To compute the maps of a new rectification takes longer than a frame, and memory: no frame waits for it.
+void Stream::follow() {
+  start_thread("endosdk-follow", path_->settings().thread_hook);
+  set_thread_count(1);
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    change_.wait(lock, [&] { return closed_ || correction_; });
+    if (closed_) return;
+    const PoseVector correction = *correction_;
+    lock.unlock();
+    std::shared_ptr<const RectifyStage> stage = corrected_stage(correction);
+    lock.lock();
+    if (stage) stage_ = std::move(stage);
+    correction_.reset();
   }
-  path_->tell_correction(correction);
+}
+
+// None, and a line in the log, where memory is short: the rectification stays as it is.
+std::shared_ptr<const RectifyStage> Stream::corrected_stage(const PoseVector& correction) {
+  try {
+    auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture_, [] {}, correction);
+    path_->tell_correction(correction);
+    return stage;
+  } catch (const std::bad_alloc&) {
+    path_->settings().log(ENDO_LOG_WARNING, "the rig has moved; memory is short, so the rectification stays as it is");
+    return nullptr;
+  }
 }
 
 // A black pair takes the same path as a real one, and makes every layer reserve what it will need: of each slot, and of as many
@@ -201,10 +227,10 @@ void Stream::work(Frame& frame, uint64_t number) {
       turn->pass();
     }
     frame.slot->answer(frame.maps, path_->settings().limits, rig_.get(), work, frame.answer.report);
-    path_->finish(frame.answer.report, frame.asked);
   } catch (...) {
     frame.answer.error = std::current_exception();
   }
+  frame.finished = Clock::now();
 }
 
 void Stream::end() {
@@ -225,6 +251,7 @@ void Stream::close() {
   for (std::thread& thread : threads_) {
     if (thread.joinable()) thread.join();
   }
+  if (follower_.joinable()) follower_.join();
 }
 
 }  // namespace endosdk

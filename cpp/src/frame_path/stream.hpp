@@ -69,6 +69,7 @@ class Stream {
     FramePair pair;
     MapsOut maps;
     Clock::time_point asked;
+    Clock::time_point finished;
     bool read = false;
     bool done = false;
     Answer answer;
@@ -80,8 +81,9 @@ class Stream {
   void begin(int lane, const ImageView& black);
   void serve();
   void work(Frame& frame, uint64_t number);
-  std::optional<PoseVector> watch_rig(FrameReport& report, Slot& slot);
-  void correct_rectification(const PoseVector& correction);
+  void watch_rig(FrameReport& report, Slot& slot);
+  void follow();
+  std::shared_ptr<const RectifyStage> corrected_stage(const PoseVector& correction);
 
   const std::shared_ptr<FramePath> path_;
   const std::shared_ptr<Session> session_;
@@ -107,8 +109,10 @@ class Stream {
   std::shared_ptr<const RectifyStage> stage_;
   RigWatch watch_;
   int corrected_at_ = 0;  // measured frames at the latest correction
-  bool follows_ = false;
+  std::optional<PoseVector> correction_;  // that the follower shall make, or is making
+  Clock::time_point available_;           // when the frame that was received last could be: it and all before it were done
   std::vector<std::thread> threads_;
+  std::thread follower_;  // computes new rectifications; none where the rig is not followed
 };
 
 }  // namespace endosdk

@@ -2,6 +2,7 @@
 #include <endosdk/endosdk.hpp>
 
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <thread>
 
@@ -131,6 +132,30 @@ void a_running_frame_can_be_cancelled(const Places& at) {
   CHECK(estimator.predict(pair, out) == ENDO_OK);
 }
 
+// A watchdog stops all that is on its way. The second call waits for the first one; a busy machine may let it come too late.
+void a_call_that_waits_is_cancelled_too(const Places& at) {
+  const Opened estimator(at);
+  constexpr int w = 1280;
+  constexpr int h = 960;
+  const Pair pair(w, h, 9);
+  Output first(size_t{w} * h);
+  Output second(size_t{w} * h);
+  CHECK(estimator.predict(pair, first) == ENDO_OK);
+  bool both = false;
+  for (int tries = 0; tries < 100 && !both; ++tries) {
+    endo_status status[2] = {ENDO_OK, ENDO_OK};
+    std::thread running([&] { status[0] = estimator.predict(pair, first); });
+    std::thread waiting([&] { status[1] = estimator.predict(pair, second); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(2 + tries));
+    CHECK(endo_cancel(estimator.get()) == ENDO_OK);
+    running.join();
+    waiting.join();
+    both = status[0] == ENDO_CANCELLED && status[1] == ENDO_CANCELLED;
+  }
+  CHECK(both);
+  CHECK(estimator.predict(pair, second) == ENDO_OK);
+}
+
 // Frames of several threads, on an estimator each or on a shared one, must not differ from those of one thread.
 void threads_do_not_disturb_each_other(const Places& at, bool shared) {
   constexpr int frames = 30;
@@ -157,6 +182,32 @@ void threads_do_not_disturb_each_other(const Places& at, bool shared) {
     });
   }
   for (std::thread& thread : threads) thread.join();
+}
+
+void the_wrapper_tells_which_frame_of_a_stream_failed(const Places& at) {
+  endo::Options options;
+  options.runtime_library = at.runtime.c_str();
+  const endo::Estimator estimator = endo::Estimator::open(at.model, options);
+  const Pair pair(width, height, 9);
+  endo::Maps maps(width, height);
+  endo::Stream stream(estimator, width, height);
+  std::atomic<bool> finished{false};
+  std::thread canceller([&] {
+    while (!finished) CHECK(endo_cancel(estimator.get()) == ENDO_OK);
+  });
+  const endo_result* failed = nullptr;
+  for (int i = 0; i < 2000 && failed == nullptr; ++i) {
+    stream.submit(endo::image(pair.left.data(), width, height), endo::image(pair.right.data(), width, height), maps);
+    try {
+      CHECK(stream.receive() == &maps.result);
+    } catch (const endo::Error& error) {
+      CHECK(error.status() == ENDO_CANCELLED);
+      failed = error.result();
+    }
+  }
+  finished = true;
+  canceller.join();
+  CHECK(failed == &maps.result);
 }
 
 void the_wrapper_throws_and_frees(const Places& at) {
@@ -189,7 +240,7 @@ void the_wrapper_throws_and_frees(const Places& at) {
     }
     return std::string();
   };
-  CHECK(message([&] { endo::path_length(rig, maps.result, {}); }).find("pixels: must be two or more; got 0") == 0);
+  CHECK(message([&] { endo::path_length(rig, maps.result, {}); }).find("pixels: must be two or more, and at most 10000; got 0") == 0);
   CHECK(message([&] { endo::path_length(rig, maps.result, {1, 2, 3}); }) == "pixels: must be two numbers each; got 3 numbers [INVALID_ARGUMENT]");
   CHECK(endo::raw_to_rectified(rig, true, {}).empty() && endo::to_raw_left(rig, {}).empty());
   const std::vector<double> raw = endo::rectified_to_raw(rig, true, {80, 48});
@@ -235,7 +286,9 @@ int main(int argc, char** argv) {
   diagnostics_fit_or_say_so(at);
   log_and_diagnostics_say_what_computes(at);
   a_running_frame_can_be_cancelled(at);
+  a_call_that_waits_is_cancelled_too(at);
   threads_do_not_disturb_each_other(at, false);
   threads_do_not_disturb_each_other(at, true);
   the_wrapper_throws_and_frees(at);
+  the_wrapper_tells_which_frame_of_a_stream_failed(at);
 }
