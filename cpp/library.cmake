@@ -86,13 +86,18 @@ set_target_properties(endosdk PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION 0)
 
 install(TARGETS endosdk EXPORT endosdkTargets COMPONENT sdk)
 install(DIRECTORY include/endosdk TYPE INCLUDE COMPONENT sdk)
-# What a device's file says of its software goes with it, and so do the models that were tested.
-set(papers docs/device/endosdk.cdx.json docs/device/endosdk.spdx.json docs/device/soup.md docs/device/requirements.md)
-# Its header refers to these pages, or they do to each other.
-list(APPEND papers docs/c-library.md docs/trust.md docs/range.md docs/models.md docs/model-file.md docs/device/providers.md
-                   docs/device/real-time.md)
-foreach(paper LICENSE THIRD_PARTY_NOTICES.md SECURITY.md ${papers})
-  install(FILES ${PROJECT_SOURCE_DIR}/${paper} TYPE DOC COMPONENT sdk)
+# What a device's file says of its software goes with it, and so do the models that were tested, and the pages that the header
+# and these papers refer to. They keep their folders, for the links between them.
+set(papers LICENSE THIRD_PARTY_NOTICES.md SECURITY.md CHANGELOG.md)
+foreach(page calibrating c-library hardening limits measuring model-file models range real-time troubleshooting trust)
+  list(APPEND papers docs/${page}.md)
+endforeach()
+foreach(paper embed.md endosdk.cdx.json endosdk.spdx.json providers.md real-time.md requirements.md soup.md systems.md)
+  list(APPEND papers docs/device/${paper})
+endforeach()
+foreach(paper ${papers})
+  get_filename_component(folder ${paper} DIRECTORY)
+  install(FILES ${PROJECT_SOURCE_DIR}/${paper} DESTINATION ${CMAKE_INSTALL_DOCDIR}/${folder} COMPONENT sdk)
 endforeach()
 install(DIRECTORY examples TYPE DOC COMPONENT sdk)
 install(

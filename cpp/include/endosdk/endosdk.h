@@ -133,7 +133,7 @@ typedef enum endo_log_level { ENDO_LOG_ERROR = 1, ENDO_LOG_WARNING = 2, ENDO_LOG
 typedef void (*endo_log_function)(void *context, int32_t level, const char *message);
 
 /* Called once in each thread that an estimator starts, by the thread itself and before it works: the place to set its
-   priority and its cores. The name is endosdk-kernels, endosdk-stream or endosdk-session, the thread's own, too. The call
+   priority and its cores. The name is endosdk-kernels, -stream, -follow or -session, the thread's own, too. The call
    that starts the threads waits for it, so it must return soon; it must not call the library, nor throw. Kernel threads
    serve all estimators of the process: the hook is that of the estimator whose call starts them. */
 typedef void (*endo_thread_function)(void *context, const char *name);
@@ -337,12 +337,14 @@ typedef struct endo_result {
     double rectify_ms;                /* out: time of each stage; a size's first frame builds its maps here */
     double session_ms;
     double postprocess_ms;
-    int32_t late;                     /* out: 1 when the call took longer than options.deadline_ms, waiting for others included */
+    int32_t late;                     /* out: 1 when the call took longer than options.deadline_ms, waiting for others included;
+                                         in a stream, for the frames before */
     int32_t reserved;                 /* must be 0 */
     uint64_t causes;                  /* out: what is wrong with the frame, bits 1 << endo_cause */
     double measures[ENDO_MOST_CAUSES]; /* out: what was measured of each endo_cause; NaN where nothing was */
     /* What the pictures tell of the rig; NaN where too little could be measured. Rotations are those of the right camera
-       against the calibration, about x, y and z of the rectified frame; NaN without a calibration. */
+       against the calibration, about x, y and z of the rectified frame: by so much the points that it sees turned, so it
+       turned the other way itself; NaN without a calibration. */
     double vertical_disparity_px;     /* out: rows that do not match, root mean square over the picture */
     double vertical_disparity_se_px;  /* out: its standard error */
     double rotation_deg[3];           /* out: of this frame alone */
@@ -353,7 +355,7 @@ typedef struct endo_result {
     int32_t drifted;                  /* out: 1 when the steady rotation is over 0.1 degree, and no chance */
     int32_t reserved2;                /* must be 0 */
     int64_t stamp_ns;                 /* in: when the pair was taken, of CLOCK_MONOTONIC, on Windows of
-                                         QueryPerformanceCounter in nanoseconds; 0: not known */
+                                         QueryPerformanceCounter in nanoseconds, not in the future; 0: not known */
     double age_ms;                    /* out: age of the pair when its answer was handed out; NaN without a stamp */
     endo_identity identity;           /* out */
 } endo_result;
@@ -377,7 +379,8 @@ ENDO_API endo_status endo_rectify(endo_estimator *estimator, const endo_image *l
    there is none then. */
 ENDO_API endo_status endo_get_rectified(endo_estimator *estimator, uint8_t *left, uint8_t *right, size_t capacity);
 
-/* Make the calls that are running, and the frames in flight, end with ENDO_CANCELLED soon. From any thread. */
+/* Make the calls that are running or wait for their turn, and the frames in flight, end with ENDO_CANCELLED soon. From any
+   thread. */
 ENDO_API endo_status endo_cancel(endo_estimator *estimator);
 
 /* ---- Streams ----
@@ -402,7 +405,8 @@ ENDO_API endo_status endo_stream_open(endo_estimator *estimator, int32_t width, 
 ENDO_API endo_status endo_stream_set_temporal(endo_stream *stream, int32_t temporal);
 
 /* From now on, correct the rectification slowly, by at most 0.1 degree in 30 frames, where the frames show for certain that
-   the right camera has turned. A warning is logged at each correction. ENDO_CALIBRATION_REQUIRED without a calibration. */
+   the right camera has turned. A warning is logged at each correction, which a thread of its own computes, with memory of its
+   own. ENDO_CALIBRATION_REQUIRED without a calibration. endo_rectify does not know of it. */
 ENDO_API endo_status endo_stream_follow_rig(endo_stream *stream);
 
 /* Hand over one pair. Waits until there is room and the images were read; they may then be overwritten. The result and

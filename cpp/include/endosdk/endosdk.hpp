@@ -23,19 +23,23 @@
 
 namespace endo {
 
-// A failed call: what() names the argument, the rule and the value seen.
+// A failed call: what() names the argument, the rule and the value seen. result() is that of a frame of a stream that was
+// received and had failed, null for every other call: its maps are free again.
 class Error : public std::runtime_error {
  public:
-  Error(endo_status status, const char* message) : std::runtime_error(message), status_(status) {}
+  Error(endo_status status, const char* message, endo_result* result = nullptr)
+      : std::runtime_error(message), status_(status), result_(result) {}
 
   endo_status status() const noexcept { return status_; }
+  endo_result* result() const noexcept { return result_; }
 
  private:
   endo_status status_;
+  endo_result* result_;
 };
 
-inline void check(endo_status status) {
-  if (status != ENDO_OK) throw Error(status, endo_last_error());
+inline void check(endo_status status, endo_result* result = nullptr) {
+  if (status != ENDO_OK) throw Error(status, endo_last_error(), result);
 }
 
 // The options with their defaults. Strings and bytes are only pointed at and must live until `open` returns, the contexts
@@ -202,10 +206,12 @@ class Stream {
     check(endo_stream_submit(handle_.get(), &left, &right, &maps.tied()));
   }
 
-  // The result of the oldest frame, that of its maps; null when the stream has ended and nothing is left.
+  // The result of the oldest frame, that of its maps; null when the stream has ended and nothing is left. The Error of a frame
+  // that failed carries its result, and the stream goes on.
   endo_result* receive() {
     endo_result* result = nullptr;
-    check(endo_stream_receive(handle_.get(), &result));
+    const endo_status status = endo_stream_receive(handle_.get(), &result);
+    check(status, result);
     return result;
   }
 

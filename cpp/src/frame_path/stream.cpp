@@ -121,8 +121,9 @@ std::optional<Stream::Answer> Stream::receive() {
 
 void Stream::follow_rig() {
   require(rig_ != nullptr, ENDO_CALIBRATION_REQUIRED, "follow_rig", calibration_rule, "no calibration");
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   if (!follower_.joinable()) follower_ = new_thread([this] { follow(); });
+  change_.wait(lock, [&] { return following_; });
 }
 
 // Takes one frame's pose error, in the order of the frames, and asks for the correction that later frames shall have.
@@ -130,7 +131,7 @@ void Stream::watch_rig(FrameReport& report, Slot& slot) {
   const LoopThreads alone(1);  // the cores work on other frames
   const std::lock_guard lock(mutex_);
   watch_.add(report, slot);
-  if (!follower_.joinable() || correction_ || watch_.frames() < corrected_at_ + frames_per_correction) return;
+  if (!following_ || correction_ || watch_.frames() < corrected_at_ + frames_per_correction) return;
   correction_ = next_correction(stage_->corrected(), report.steady);
   if (!correction_) return;
   corrected_at_ = watch_.frames();
@@ -142,6 +143,8 @@ void Stream::follow() {
   start_thread("endosdk-follow", path_->settings().thread_hook);
   set_thread_count(1);
   std::unique_lock lock(mutex_);
+  following_ = true;
+  change_.notify_all();
   for (;;) {
     change_.wait(lock, [&] { return closed_ || correction_; });
     if (closed_) return;

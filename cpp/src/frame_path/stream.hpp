@@ -109,6 +109,7 @@ class Stream {
   std::shared_ptr<const RectifyStage> stage_;
   RigWatch watch_;
   int corrected_at_ = 0;  // measured frames at the latest correction
+  bool following_ = false;                // the follower was handed to the host, and waits for corrections
   std::optional<PoseVector> correction_;  // that the follower shall make, or is making
   Clock::time_point available_;           // when the frame that was received last could be: it and all before it were done
   std::vector<std::thread> threads_;

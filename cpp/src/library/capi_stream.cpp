@@ -99,7 +99,7 @@ endo_status endo_stream_wait(endo_stream* stream, double longest_ms, int32_t* re
     *ready = 0;
     const Call call(stream, "stream");
     constexpr double most_ms = 60000.0;
-    endosdk::require(longest_ms >= 0.0 && longest_ms <= most_ms, "longest_ms", "must be within 0..60000", longest_ms);
+    endosdk::require(longest_ms >= 0.0 && longest_ms <= most_ms, "longest_ms", endosdk::Text("must be within 0..", most_ms), longest_ms);
     const std::chrono::duration<double, std::milli> longest(longest_ms);
     *ready = stream->stream->wait_for_answer(std::chrono::duration_cast<std::chrono::microseconds>(longest)) ? 1 : 0;
   });

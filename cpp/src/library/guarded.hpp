@@ -8,9 +8,11 @@
 #include <system_error>
 
 #include "platform/errors.hpp"
-#include "platform/threads.hpp"
 
 namespace endosdk {
+
+// As `short_of_threads` says it. A thread is often refused for want of memory, so to tell that must not take any.
+constexpr const char* no_thread = "threads: the system must be able to start 1 more; got 0";
 
 // The message of this thread's last failed call.
 const char* last_error();
@@ -33,8 +35,7 @@ endo_status guarded(const Body& body) noexcept {
   } catch (const std::system_error& error) {
     // The C++ library throws this error code if no further thread can be started.
     const bool used_up = error.code() == std::errc::resource_unavailable_try_again;
-    return used_up ? report(ENDO_OUT_OF_MEMORY, short_of_threads(1, 0).what())
-                   : report(ENDO_INTERNAL, error.what());
+    return used_up ? report(ENDO_OUT_OF_MEMORY, no_thread) : report(ENDO_INTERNAL, error.what());
   } catch (const std::exception& error) {
     return report(ENDO_INTERNAL, error.what());
   } catch (...) {

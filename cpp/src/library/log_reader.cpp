@@ -1,7 +1,5 @@
 #include "library/log_reader.hpp"
 
-#include <string>
-
 namespace endosdk {
 
 // Called from within the runtime, which no exception may enter.
@@ -14,9 +12,7 @@ void ORT_API_CALL LogReader::forward(void* reader, OrtLoggingLevel severity, con
   try {
     if (self.reading_) self.lines_.read(message);
     if (severity < self.severity()) return;
-    std::string line(message);
-    make_one_line(line.data());
-    self.log_(level, line.c_str());
+    self.log_(level, message);
   } catch (...) {
     // The line is lost; the frame is not.
   }

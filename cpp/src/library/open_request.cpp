@@ -7,6 +7,7 @@
 
 #include "library/signature.hpp"
 #include "library/struct_io.hpp"
+#include "platform/sha256.hpp"
 #include "platform/threads.hpp"
 
 namespace endosdk {
@@ -70,6 +71,15 @@ void check_numbers(const endo_options& o) {
                    o.log_level);
 }
 
+// Also of the file that this machine does not open: another one of the fleet does.
+void check_pins(const OpenRequest& request) {
+  check_sha256_form(request.model_proof.sha256, "model_sha256");
+  check_sha256_form(request.float32_model_proof.sha256, "float32_model_sha256");
+  check_sha256_form(request.runtime_sha256, "runtime_sha256");
+  const bool open_door = !request.float32_model.empty() && !request.model_proof.sha256.empty() && request.float32_model_proof.sha256.empty();
+  require_argument(!open_door, "float32_model_sha256", "must be given where model_sha256 and float32_model are", "NULL");
+}
+
 ProviderOptions provider_options(const endo_options& o) {
   std::vector<std::string> texts;
   for (const char* const* text = o.provider_options; text != nullptr && *text != nullptr; ++text) texts.emplace_back(*text);
@@ -96,12 +106,13 @@ OpenRequest open_request(const endo_options* options) {
   request.float32_model = text_or_nothing(o.float32_model, "float32_model");
   request.model_proof.sha256 = text_or_nothing(o.model_sha256, "model_sha256");
   request.float32_model_proof.sha256 = text_or_nothing(o.float32_model_sha256, "float32_model_sha256");
+  request.runtime_sha256 = text_or_nothing(o.runtime_sha256, "runtime_sha256");
+  check_pins(request);
   const std::optional<Signer> signer = signer_of(o);
   request.model_proof.signature = check_by(signer, bytes_or_nothing(o.signature, o.signature_size, "signature"));
   request.float32_model_proof.signature = check_by(
       signer, bytes_or_nothing(o.float32_model_signature, o.float32_model_signature_size, "float32_model_signature"));
   request.runtime_library = text_or_nothing(o.runtime_library, "runtime_library");
-  request.runtime_sha256 = text_or_nothing(o.runtime_sha256, "runtime_sha256");
   FramePathSettings& s = request.settings;
   s.threads = o.threads;
   s.network = network_size(o);

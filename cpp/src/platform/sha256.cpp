@@ -96,13 +96,17 @@ std::string sha256(const void* data, size_t size) {
   return digest;
 }
 
+void check_sha256_form(const std::string& text, const std::string& argument) {
+  const bool well_formed = text.size() == 64 && text.find_first_not_of("0123456789abcdefABCDEF") == std::string::npos;
+  require(text.empty() || well_formed, argument, "must be 64 hexadecimal digits", in_quotes(text));
+}
+
 void check_sha256(const std::string& seen, const std::string& expected, endo_status mismatch, const std::string& argument,
                   const std::string& origin) {
   if (expected.empty()) return;
+  check_sha256_form(expected, argument + "_sha256");
   std::string wanted = expected;
   for (char& c : wanted) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
-  const bool well_formed = wanted.size() == 64 && wanted.find_first_not_of("0123456789abcdef") == std::string::npos;
-  require(well_formed, argument + "_sha256", "must be 64 hexadecimal digits", in_quotes(expected));
   require(wanted == seen, mismatch, argument, origin + " must have SHA-256 " + wanted, seen);
 }
 

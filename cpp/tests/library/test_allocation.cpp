@@ -215,11 +215,23 @@ void failing_allocations_are_reported(const Places& at) {
   size_t needed = 0;
   const int reporting =
       survive_every_failure("diagnostics", [&] { return endo_get_diagnostics(handle, nullptr, 0, &needed); });
+  endo_stream* stream = nullptr;
+  const int streaming = survive_every_failure("stream", [&] {
+    const endo_status status = endo_stream_open(handle, width, height, nullptr, &stream);
+    CHECK((stream != nullptr) == (status == ENDO_OK));
+    endo_stream_close(stream);
+    return status;
+  });
+  std::fill_n(out.depth.begin(), pixels, 80.0f);
+  const double outline[] = {40, 30, 120, 30, 120, 70, 40, 70};
+  endo_area area{};
+  area.struct_size = sizeof area;
+  const int measuring = survive_every_failure("area", [&] { return endo_area_inside(&rig, &out.result, outline, 4, &area); });
   CHECK(endo_predict(handle, &left, &right, &out.result) == ENDO_OK);
   endo_close(handle);
-  std::printf("survived the failure of each of %d + %d + %d + %d + %d allocations\n", opening, calibrating, predicting,
-              testing, reporting);
-  CHECK(opening > 10 && calibrating > 0 && predicting > 10);
+  std::printf("survived the failure of each of %d + %d + %d + %d + %d + %d + %d allocations\n", opening, calibrating, predicting,
+              testing, reporting, streaming, measuring);
+  CHECK(opening > 10 && calibrating > 0 && predicting > 10 && streaming > 10 && measuring > 0);
 }
 
 }  // namespace

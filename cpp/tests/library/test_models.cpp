@@ -50,6 +50,26 @@ void a_model_that_lies_about_its_stride_fails_cleanly(const Places& at) {
   endo_close(handle);
 }
 
+// What a model says of itself cannot write a line of its own into a device's log.
+void a_model_cannot_break_a_line_of_the_log(const Places& at) {
+  const std::string bytes = read_file(at.model);
+  const std::string key = "endosdk.version\x12";
+  const size_t place = bytes.find(key) + key.size();
+  const auto length = static_cast<size_t>(bytes[place]);
+  const std::string model = patched(at, bytes.substr(place - key.size(), key.size() + 1 + length),
+                                    key + bytes[place] + std::string(length, '\n'));
+  std::vector<std::string> lines;
+  endo_options options = default_options(at);
+  options.log_level = ENDO_LOG_INFO;
+  options.log = [](void* context, int32_t, const char* line) { static_cast<std::vector<std::string>*>(context)->emplace_back(line); };
+  options.log_context = &lines;
+  endo_estimator* handle = nullptr;
+  CHECK(endo_open_memory(model.data(), model.size(), &options, &handle) == ENDO_OK);
+  CHECK(!lines.empty());
+  for (const std::string& line : lines) CHECK(line.find('\n') == std::string::npos);
+  endo_close(handle);
+}
+
 void self_test_passes_and_leaves_no_trace(const Places& at) {
   const Opened estimator(at);
   CHECK(endo_self_test(estimator.get()) == ENDO_OK);
@@ -68,5 +88,6 @@ int main(int argc, char** argv) {
   const Places at = places(argc, argv);
   models_must_say_what_they_are(at);
   a_model_that_lies_about_its_stride_fails_cleanly(at);
+  a_model_cannot_break_a_line_of_the_log(at);
   self_test_passes_and_leaves_no_trace(at);
 }

@@ -28,6 +28,11 @@ void bad_openings_are_refused(const Places& at) {
   refused([](O& o) { o.model_sha256 = "abc"; }, ENDO_INVALID_ARGUMENT, "hexadecimal");
   refused([](O& o) { o.model_sha256 = zeros.c_str(); }, ENDO_MODEL_HASH_MISMATCH, "SHA-256");
   refused([](O& o) { o.model_sha256 = ""; }, ENDO_INVALID_ARGUMENT, "model_sha256");
+  // A pin of the file that another machine of the fleet opens, whatever this one does.
+  refused([](O& o) { o.float32_model_sha256 = "abc"; }, ENDO_INVALID_ARGUMENT, "float32_model_sha256: must be 64 hexadecimal");
+  refused([](O& o) { o.model_sha256 = zeros.c_str(), o.float32_model = "other.onnx"; }, ENDO_INVALID_ARGUMENT,
+          "float32_model_sha256: must be given where model_sha256 and float32_model are");
+  refused([](O& o) { o.runtime_sha256 = "0x12"; }, ENDO_INVALID_ARGUMENT, "runtime_sha256: must be 64 hexadecimal");
   refused([](O& o) { o.runtime_library = ""; }, ENDO_INVALID_ARGUMENT, "runtime_library");
   // Where Python names a setting otherwise, the text says how C does.
   refused([](O& o) { o.threads = -1; }, ENDO_INVALID_ARGUMENT, "threads: must be a whole number, 1 to 256; in C also 0");

@@ -110,7 +110,11 @@ void an_estimator_of_one_thread_starts_its_stream_alone(const Places& at) {
   }
   CHECK(seen.names.size() == 1 && seen.count("endosdk-stream") == 1);
   CHECK(threads_become(before + 1));
+  for (int again = 0; again < 2; ++again) CHECK(endo_stream_follow_rig(stream) == ENDO_OK);
+  CHECK(seen.names.size() == 2 && seen.count("endosdk-follow") == 1);
+  CHECK(threads_become(before + 2));
   endo_stream_close(stream);
+  CHECK(threads_become(before));
 }
 
 void every_thread_is_shown_to_the_host(const Places& at) {
@@ -132,6 +136,7 @@ void every_thread_is_shown_to_the_host(const Places& at) {
     CHECK(endo_stream_receive(stream, &received) == ENDO_OK && received == &out.result);
   }
   CHECK(seen.count("endosdk-stream") == threads);
+  CHECK(seen.count("endosdk-follow") == 0 && endo_stream_follow_rig(stream) == ENDO_CALIBRATION_REQUIRED);
   CHECK(threads_become(before + static_cast<long>(seen.names.size())));  // there is none that the host does not know
   for (const auto& [thread, name] : seen.names) {
     CHECK(status_of(thread, "Name") == name);
