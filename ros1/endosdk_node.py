@@ -4,8 +4,8 @@
     rosrun or python3 ros1/endosdk_node.py _calibration:=rig.json _model:=fast
 
 It reads /stereo/left/image_raw and /stereo/right/image_raw, which may be remapped, and publishes /stereo/depth,
-/stereo/disparity, /stereo/points, /stereo/result and both camera_info. Pairs belong together by their time stamps.
-Only the newest pair waits while one is computed.
+/stereo/disparity, /stereo/points, /stereo/result and both camera_info of the rig. Pairs belong together by their time
+stamps. Only the newest pair waits while one is computed.
 """
 
 import message_filters
@@ -13,7 +13,6 @@ import rospy
 from sensor_msgs.msg import Image
 
 from endosdk.errors import EndoError
-from endosdk.live.recording.messages import TOPICS
 from endosdk.live.ros_node import INPUTS, MOST_APART_S, OUTPUTS, DepthNode, class_of, for_host, opened
 
 
@@ -22,7 +21,7 @@ def main() -> None:
     rospy.init_node("endosdk")
     estimator = opened(rospy.get_param("~model", "fast"), rospy.get_param("~calibration", ""))
     node = DepthNode(estimator, ros1=True)
-    publishers = {topic: rospy.Publisher(topic, class_of(TOPICS[topic]), queue_size=1) for topic in OUTPUTS}
+    publishers = {topic: rospy.Publisher(topic, class_of(kind), queue_size=1) for topic, kind in OUTPUTS.items()}
 
     def answer(left: Image, right: Image) -> None:
         try:

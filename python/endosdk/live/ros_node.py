@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import json
+from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from typing import Any
@@ -23,7 +24,13 @@ from endosdk.live.sources.bag import MOST_APART_NS, picture_of
 from endosdk.runtime.estimator import DepthEstimator
 
 INPUTS = ("/stereo/left/image_raw", "/stereo/right/image_raw")
-OUTPUTS = tuple(topic for topic in TOPICS if topic not in INPUTS)
+# The driver of the cameras has camera_info of its own beside its pictures: that of the rig must not mix with it.
+CAMERAS = {side: f"/stereo/rig/{side}/camera_info" for side in ("left", "right")}
+# Topic and type of what is published.
+OUTPUTS = {
+    **{topic: TOPICS[topic] for topic in ("/stereo/depth", "/stereo/disparity", "/stereo/points", "/stereo/result")},
+    **dict.fromkeys(CAMERAS.values(), TOPICS["/stereo/left/camera_info"]),
+}
 MOST_APART_S = MOST_APART_NS / 1e9
 
 
@@ -41,7 +48,7 @@ def opened(model: str, calibration: str) -> DepthEstimator:
 def for_host(answers: dict[str, Any], class_of: Callable[[str], Any] = class_of) -> Iterator[tuple[str, Any]]:
     """Yield each topic with its message as one of the host's classes, which ``class_of`` finds."""
     for topic, message in answers.items():
-        yield topic, filled(message, class_of(TOPICS[topic])(), class_of)
+        yield topic, filled(message, class_of(OUTPUTS[topic])(), class_of)
 
 
 class DepthNode:
@@ -63,8 +70,8 @@ class DepthNode:
         disparity = np.where(result.reasons == 0, result.disparity, np.float32(np.nan))
         answers["/stereo/disparity"] = self._make.disparity(at, disparity, geometry)
         if rig is not None and geometry is not None:
-            answers["/stereo/left/camera_info"] = self._make.camera(at, LEFT, rig, geometry)
-            answers["/stereo/right/camera_info"] = self._make.camera(at, RIGHT, rig, geometry)
+            answers[CAMERAS["left"]] = self._make.camera(at, LEFT, rig, geometry)
+            answers[CAMERAS["right"]] = self._make.camera(at, RIGHT, rig, geometry)
             answers["/stereo/depth"] = self._make.map(at, result.depth / np.float32(1000))
             answers["/stereo/points"] = self._make.points(at, result.depth, geometry)
         return answers
@@ -95,7 +102,17 @@ def filled(message: Any, target: Any, class_of: Callable[[str], Any]) -> Any:
         elif isinstance(value, list) and value and hasattr(value[0], "__msgtype__"):
             setattr(target, name, [filled(one, class_of(one.__msgtype__)(), class_of) for one in value])
         elif isinstance(value, np.ndarray):
-            setattr(target, name, value.tobytes() if value.dtype == np.uint8 else value.tolist())
+            setattr(target, name, _numbers(value, getattr(target, name)))
         else:
             setattr(target, name, value)
     return target
+
+
+def _numbers(values: np.ndarray[Any, Any], blank: object) -> Any:
+    """Return an array as the host's class takes it; ``blank`` is what its field holds when it is new.
+
+    ROS 2 has arrays of Python there. It takes bytes too, but looks at each of them in Python: seconds for a frame.
+    """
+    if isinstance(blank, array):
+        return array(blank.typecode, values.tobytes())
+    return values.tobytes() if values.dtype == np.uint8 else values.tolist()
