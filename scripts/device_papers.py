@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import onnx
-from cyclonedx.model import ExternalReference, ExternalReferenceType, HashAlgorithm, HashType, XsUri
+from cyclonedx.model import ExternalReference, ExternalReferenceType, HashAlgorithm, HashType, Property, XsUri
 from cyclonedx.model.bom import Bom
 from cyclonedx.model.component import Component, ComponentScope, ComponentType
 from cyclonedx.model.contact import OrganizationalEntity
@@ -51,6 +51,10 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "device"
 CYCLONEDX, SPDX, SOUP = FOLDER / "endosdk.cdx.json", FOLDER / "endosdk.spdx.json", FOLDER / "soup.md"
 NOTICES = ROOT / "THIRD_PARTY_NOTICES.md"
+SUPPLIER = "endosdk maintainers"
+# Of a component that is in one place alone.
+RELATIONS = {"build": RelationshipType.BUILD_DEPENDENCY_OF, "optional": RelationshipType.OPTIONAL_DEPENDENCY_OF}
+SCOPES = {"build": ComponentScope.EXCLUDED, "optional": ComponentScope.OPTIONAL}
 # Of the list, not of a build: the same sources give the same papers.
 CREATED = datetime(2026, 11, 1, tzinfo=UTC)
 
@@ -58,6 +62,11 @@ CREATED = datetime(2026, 11, 1, tzinfo=UTC)
 def version() -> str:
     """Return the version of endosdk."""
     return str(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"])
+
+
+def licence() -> str:
+    """Return the licence of endosdk."""
+    return str(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["license"])
 
 
 def components() -> list[dict[str, Any]]:
@@ -75,20 +84,27 @@ def _purl(entry: dict[str, Any]) -> PackageURL:
 
 @cache
 def models() -> dict[str, dict[str, str]]:
-    """Return the shipped models, each with the version that its file states."""
+    """Return the shipped models, each with the version and the licence that its file states."""
     listed = tomllib.loads((ROOT / "models" / "models.toml").read_text())
-    return {
-        name: {**entry, "version": _stated_version(ROOT / "models" / entry["file"])} for name, entry in listed.items()
-    }
+    return {name: {**entry, **_stated(ROOT / "models" / entry["file"])} for name, entry in listed.items()}
 
 
-def _stated_version(file: Path) -> str:
-    return {entry.key: entry.value for entry in onnx.load(file).metadata_props}["endosdk.version"]
+def _stated(file: Path) -> dict[str, str]:
+    said = {entry.key: entry.value for entry in onnx.load(file).metadata_props}
+    return {"version": said["endosdk.version"], "licence": said["endosdk.license"]}
 
 
 def cyclonedx() -> str:
     """Return the SBOM in CycloneDX 1.6."""
-    root = Component(name="endosdk", version=version(), type=ComponentType.LIBRARY, bom_ref="endosdk")
+    ours = OrganizationalEntity(name=SUPPLIER)
+    root = Component(
+        name="endosdk",
+        version=version(),
+        type=ComponentType.LIBRARY,
+        bom_ref="endosdk",
+        supplier=ours,
+        licenses=[LicenseExpression(licence())],
+    )
     bom = Bom(serial_number=uuid.uuid5(uuid.NAMESPACE_URL, f"endosdk-{version()}"))
     bom.metadata.component = root
     bom.metadata.timestamp = CREATED
@@ -99,6 +115,8 @@ def cyclonedx() -> str:
             version=entry["version"],
             type=ComponentType.MACHINE_LEARNING_MODEL,
             bom_ref=f"model:{name}",
+            supplier=ours,
+            licenses=[LicenseExpression(entry["licence"])],
             hashes=[HashType(alg=HashAlgorithm.SHA_256, content=entry["sha256"])],
         )
         for name, entry in models().items()
@@ -118,7 +136,8 @@ def _component(entry: dict[str, Any]) -> Component:
         version=entry["version"],
         type=ComponentType.LIBRARY,
         bom_ref=entry["name"],
-        scope=ComponentScope.EXCLUDED if entry["in"] == ["build"] else ComponentScope.REQUIRED,
+        scope=SCOPES.get(entry["in"][0], ComponentScope.REQUIRED) if len(entry["in"]) == 1 else ComponentScope.REQUIRED,
+        properties=[Property(name="endosdk:in", value=", ".join(entry["in"]))],
         supplier=OrganizationalEntity(name=entry["supplier"]),
         licenses=[LicenseExpression(entry["licence"])],
         purl=_purl(entry),
@@ -143,15 +162,15 @@ def _document() -> Document:
         [Actor(ActorType.TOOL, "scripts/device_papers.py")],
         CREATED,
     )
-    root = _package("endosdk", version(), None)
+    root = _own_package("endosdk", version(), licence())
     packages, relationships = [root], [_relation("SPDXRef-DOCUMENT", RelationshipType.DESCRIBES, root)]
     for entry in components():
-        package = _package(entry["name"], entry["version"], entry)
-        kind = RelationshipType.BUILD_DEPENDENCY_OF if entry["in"] == ["build"] else RelationshipType.DEPENDENCY_OF
+        package = _package(entry)
+        kind = RELATIONS.get(entry["in"][0] if len(entry["in"]) == 1 else "", RelationshipType.DEPENDENCY_OF)
         packages.append(package)
         relationships.append(_relation(package.spdx_id, kind, root))
     for name, entry in models().items():
-        package = _package(f"model-{name}", entry["version"], None)
+        package = _own_package(f"model-{name}", entry["version"], entry["licence"])
         package.checksums = [Checksum(ChecksumAlgorithm.SHA256, entry["sha256"])]
         packages.append(package)
         relationships.append(_relation(root.spdx_id, RelationshipType.CONTAINS, package))
@@ -165,22 +184,27 @@ def _relation(of: str, kind: RelationshipType, to: Package) -> Relationship:
     return Relationship(of, kind, to.spdx_id)
 
 
-def _package(name: str, number: str, entry: dict[str, Any] | None) -> Package:
-    package = Package(
+def _own_package(name: str, number: str, declared: str) -> Package:
+    return Package(
         f"SPDXRef-{name}",
         name,
         SpdxNoAssertion(),
         version=number,
         files_analyzed=False,
         license_concluded=SpdxNoAssertion(),
+        license_declared=get_spdx_licensing().parse(declared),
+        supplier=Actor(ActorType.ORGANIZATION, SUPPLIER),
     )
-    if entry is not None:
-        package.license_declared = get_spdx_licensing().parse(entry["licence"])
-        package.supplier = Actor(ActorType.ORGANIZATION, entry["supplier"])
-        package.homepage = entry["site"]
-        package.external_references = [
-            ExternalPackageRef(ExternalPackageRefCategory.PACKAGE_MANAGER, "purl", _purl(entry).to_string()),
-        ]
+
+
+def _package(entry: dict[str, Any]) -> Package:
+    package = _own_package(entry["name"], entry["version"], entry["licence"])
+    package.supplier = Actor(ActorType.ORGANIZATION, entry["supplier"])
+    package.homepage = entry["site"]
+    package.comment = f"in: {', '.join(entry['in'])}"
+    package.external_references = [
+        ExternalPackageRef(ExternalPackageRefCategory.PACKAGE_MANAGER, "purl", _purl(entry).to_string()),
+    ]
     return package
 
 

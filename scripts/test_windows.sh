@@ -21,7 +21,7 @@ if [ -n "$runtime" ] && [ ! -f "$runtime/onnxruntime.dll" ]; then
   work=$(mktemp -d)
   trap 'rm -rf "$work"' EXIT
   .venv/bin/python -m pip download --quiet --disable-pip-version-check --no-deps --only-binary :all: --dest "$work" \
-    --platform win_amd64 --python-version 3.12 'onnxruntime<1.25'
+    --platform win_amd64 --python-version 3.12 onnxruntime==1.24.4
   mkdir -p "$runtime"
   .venv/bin/python -c 'import sys, zipfile; zipfile.ZipFile(sys.argv[1]).extract("onnxruntime/capi/onnxruntime.dll", sys.argv[2])' \
     "$work"/onnxruntime-*.whl "$work"
@@ -40,11 +40,9 @@ for part in $parts; do
   wine "$program" > $windows/$part.log
   echo "$part: passed"
 done
-here=build/release/cpp/tests/test_kernel_bytes
-if [ -x $here ]; then
-  diff <($here) <(tr -d '\r' < $windows/kernel_bytes.log)
-  echo "every kernel gives the same bytes on Windows as here"
-fi
+here=$(scripts/kernel_bytes.sh)
+diff <($here) <(tr -d '\r' < $windows/kernel_bytes.log)
+echo "every kernel gives the same bytes on Windows as here"
 if [ -n "$runtime" ]; then
   for part in $models; do
     wine "$windows/cpp/tests/library/$part.exe" "$runtime/onnxruntime.dll" models/tiny-for-tests.onnx

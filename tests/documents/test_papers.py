@@ -27,7 +27,7 @@ def test_every_dependency_is_a_component_of_a_locked_version():
 
 def test_no_locked_version_lacks_a_component():
     locked = re.findall(r"^([\w-]+)==", (ROOT / "constraints-release.txt").read_text(), re.MULTILINE)
-    packages = [entry for entry in papers.components() if "comes_with" not in entry]
+    packages = [entry for entry in papers.components() if "purl" not in entry]
     assert sorted(locked) == sorted(entry["name"] for entry in packages)
 
 
@@ -36,6 +36,25 @@ def test_what_a_release_tool_links_in_is_listed_with_the_tool_that_is_used():
     brought = {entry["name"]: entry["comes_with"] for entry in papers.components() if "comes_with" in entry}
     assert "llvm-runtimes" in brought
     assert all(f" {pin} " in used for pin in brought.values())
+
+
+def test_no_part_lacks_a_supplier_and_a_licence():
+    bom = json.loads(papers.CYCLONEDX.read_text())
+    for part in (bom["metadata"]["component"], *bom["components"]):
+        assert part["supplier"]["name"] and part["licenses"][0]["expression"], part["name"]
+    for package in json.loads(papers.SPDX.read_text())["packages"]:
+        assert package["supplier"] and package["licenseDeclared"] != "NOASSERTION", package["name"]
+
+
+def test_what_only_some_need_is_marked():
+    parts = {part["name"]: part for part in json.loads(papers.CYCLONEDX.read_text())["components"]}
+    scopes = {name: part.get("scope") for name, part in parts.items()}
+    assert (scopes["openssl"], scopes["scikit-build-core"], scopes["onnxruntime"]) == (
+        "optional",
+        "excluded",
+        "required",
+    )
+    assert parts["onnxruntime"]["properties"] == [{"name": "endosdk:in", "value": "wheel, library"}]
 
 
 def test_the_papers_are_those_that_the_script_writes():
