@@ -1,5 +1,6 @@
 """Signed models: OpenSSL's own signature is taken, and nothing else is."""
 
+import base64
 import shutil
 import subprocess
 from pathlib import Path
@@ -76,6 +77,11 @@ def test_another_key_and_no_signature_are_refused(signed, tmp_path):
 def test_what_is_no_ed25519_key_is_refused(signed, tmp_path):
     model, _ = signed
     (tmp_path / "text.pem").write_text("no key")
-    for file in (tmp_path / "text.pem", tmp_path / "none.pem", new_key(tmp_path, "other", "x25519")[1]):
+    # A public key of the type 1.2.3.4.5, which is not known yet.
+    content = b"\x30\x0e" + b"\x30\x06\x06\x04\x2a\x03\x04\x05" + b"\x03\x04\x00\x01\x02\x03"
+    text = base64.b64encode(content).decode()
+    (tmp_path / "new.pem").write_text(f"-----BEGIN PUBLIC KEY-----\n{text}\n-----END PUBLIC KEY-----\n")
+    no_keys = [tmp_path / f"{name}.pem" for name in ("text", "none", "new")]
+    for file in (*no_keys, new_key(tmp_path, "other", "x25519")[1]):
         with pytest.raises(errors.InvalidArgument, match="Ed25519 public key"):
             signed_model(model, file)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
-from endosdk.calibration.rig import StereoCalibration
+from endosdk.calibration.rig import StereoCalibration, check_calibration
 from endosdk.errors import InvalidArgument
 
 Matrix = npt.NDArray[np.float64]
@@ -23,8 +23,8 @@ def q_matrix(geometry: RectifiedGeometry | StereoCalibration) -> Matrix:
     ``geometry`` is that of rectified pairs, or a rig, which then is rectified as the SDK does it.
     Raises InvalidArgument where pixels are not square: Q cannot say that.
     """
-    if isinstance(geometry, StereoCalibration):
-        geometry = geometry.rectification()
+    if not isinstance(geometry, RectifiedGeometry):
+        geometry = check_calibration(geometry).rectification()
     if not has_square_pixels(geometry):
         rule = "must have square pixels, which Q takes for granted; use DepthResult.points"
         raise InvalidArgument("geometry", rule, (geometry.focal_px, geometry.focal_y_px))

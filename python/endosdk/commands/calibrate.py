@@ -123,11 +123,12 @@ def _watch(args: argparse.Namespace, report: Report) -> int:
         raise InvalidArgument("frames", "must be at least 1", args.frames)
     calibration = StereoCalibration.load(args.rig)
     with opened_source(args) as source:
-        frames = list(islice(source, args.frames))
-    if args.way == "check":
-        found = check_rig(calibration, progress(frames), args.model)
-        _report_check(report, "found", found)
-        return report.end(usable=found.fits)
+        seen = islice(source, args.frames)
+        if args.way == "check":  # one frame at a time: sixty are gigabytes
+            found = check_rig(calibration, progress(seen, total=args.frames), args.model)
+            _report_check(report, "found", found)
+            return report.end(usable=found.fits)
+        frames = list(seen)
     refined, before, after = refine_rig(calibration, frames, args.model)
     _report_check(report, "before", before)
     _report_check(report, "after", after)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from endosdk import _core
 from endosdk.calibration.q_matrix import q_matrix as q_matrix
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
-from endosdk.calibration.rig import StereoCalibration
+from endosdk.calibration.rig import StereoCalibration, check_calibration
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.arguments import check_numbers
 
@@ -66,7 +66,7 @@ def valid_region(calibration: StereoCalibration, alpha: float = 0.0) -> tuple[in
 
 
 def _pixel_map(calibration: StereoCalibration, alpha: float) -> _core.PixelMap:
-    calibration.rectification(alpha=alpha)  # refuses what is no alpha
+    check_calibration(calibration).rectification(alpha=alpha)  # refuses what is no alpha
     return _core.PixelMap(calibration.numbers(), alpha)
 
 

@@ -99,10 +99,15 @@ def checked_pixels(name: str, pixels: npt.ArrayLike) -> Vector:
     return np.ascontiguousarray(array)
 
 
-def needed_geometry(result: DepthResult) -> RectifiedGeometry:
-    """Return the result's geometry. Raises CalibrationRequired where it has none, InvalidArgument for no result."""
+def check_result(result: object) -> None:
+    """Raise InvalidArgument for what is no result."""
     if not isinstance(result, DepthResult):
         raise InvalidArgument("result", "must be a DepthResult", type(result).__name__)
+
+
+def needed_geometry(result: DepthResult) -> RectifiedGeometry:
+    """Return the result's geometry. Raises CalibrationRequired where it has none, InvalidArgument for no result."""
+    check_result(result)
     if result.geometry is None:
         rule = "measuring needs a calibration: pass DepthEstimator(..., calibration=rig)"
         raise CalibrationRequired("result", rule, "no calibration")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from endosdk.calibration.rig import StereoCalibration
+from endosdk.calibration.rig import StereoCalibration, check_calibration
 from endosdk.errors import InvalidArgument
 from endosdk.measure.geometry import raw_to_rectified
+from endosdk.measure.lengths import check_result
 from endosdk.runtime.maps import FloatMap
 from endosdk.runtime.result import DepthResult
 
@@ -20,7 +21,7 @@ class RawLeftView:
     """
 
     def __init__(self, calibration: StereoCalibration) -> None:
-        self._calibration_sha256 = calibration.sha256
+        self._calibration_sha256 = check_calibration(calibration).sha256
         geometry = calibration.rectification()
         rows, columns = np.indices((calibration.height, calibration.width))
         # No number where the lens model has no ray for a raw pixel; the comparisons below are then false.
@@ -42,10 +43,12 @@ class RawLeftView:
         NaN where that pixel has no depth, and outside the rectified view. Raises `CalibrationRequired` for a result
         without a calibration, and `InvalidArgument` for one of another rig.
         """
+        check_result(result)
         return self._seen(result, result.depth)
 
     def sigma(self, result: DepthResult) -> FloatMap:
         """Return the expected absolute error of `depth`, mm, float32 [H, W]; NaN and errors as for `depth`."""
+        check_result(result)
         return self._seen(result, result.sigma)
 
     def _seen(self, result: DepthResult, values: FloatMap) -> FloatMap:

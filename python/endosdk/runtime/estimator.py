@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from endosdk import _core
 from endosdk.calibration.rectified_geometry import RectifiedGeometry
-from endosdk.calibration.rig import StereoCalibration
+from endosdk.calibration.rig import StereoCalibration, check_calibration
 from endosdk.errors import CalibrationRequired, InvalidArgument, typed_memory_errors
 from endosdk.runtime.arguments import (
     Picture,
@@ -97,8 +97,8 @@ class DepthEstimator:
         runtime_sha256: str | None = None,
         spinning: bool = False,
     ) -> None:
-        if calibration is not None and not isinstance(calibration, StereoCalibration):
-            raise InvalidArgument("calibration", "must be a StereoCalibration", type(calibration).__name__)
+        if calibration is not None:
+            check_calibration(calibration)
         limits = Limits(
             check_number("min_confidence", min_confidence, "must be a number in 0..1"), check_range(depth_range_mm)
         )

@@ -16,7 +16,8 @@ class RigError:
     """How far the rig of one pair stands from its calibration.
 
     Rotations are those of the right camera in the rectified frame, as a vector about x (right), y (down) and z
-    (forward), degrees. They are None without a calibration, which gives the focal length that they need.
+    (forward), degrees: by so much the points that it sees turned, so it turned the other way itself. They are None
+    without a calibration, which gives the focal length that they need.
     """
 
     vertical_disparity_px: float  # root mean square over the picture

@@ -47,7 +47,7 @@ def signed_model(path: str | Path, public_key: str | Path, signature: str | Path
 def _key(path: Path) -> tuple[Any, type[Exception]]:
     """Return the public key, and what it raises where a signature does not hold."""
     try:
-        from cryptography.exceptions import InvalidSignature
+        from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
         from cryptography.hazmat.primitives.serialization import load_pem_public_key
     except ImportError as error:
@@ -55,7 +55,7 @@ def _key(path: Path) -> tuple[Any, type[Exception]]:
     rule = "must be a PEM file of an Ed25519 public key"
     try:
         key = load_pem_public_key(read_bounded(path, LARGEST_SMALL_FILE))
-    except (Refused, ValueError) as error:  # ValueError: no PEM, or a key of no known kind
+    except (Refused, ValueError, UnsupportedAlgorithm) as error:  # no PEM, or a key of no known kind
         raise InvalidArgument("public_key", rule, f"{path}: {error}") from error
     if not isinstance(key, Ed25519PublicKey):
         raise InvalidArgument("public_key", rule, f"{path}: {type(key).__name__}")
