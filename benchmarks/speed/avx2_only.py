@@ -69,7 +69,8 @@ def measured(model: str, arguments: argparse.Namespace, offsets: dict[str, list[
     """Return what `endosdk-bench` says of a model. With ``offsets`` AVX-512 and VNNI are hidden."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "bench.json"
-        options = ["--threads", str(arguments.threads), "--frames", str(arguments.frames), "--provider", "cpu"]
+        options = ["--threads", str(arguments.threads), "--frames", str(arguments.frames), "--size", arguments.size]
+        options += ["--provider", "cpu"]
         command = ["-m", "endosdk", "bench", "--model", model, *options, "--out", str(out)]
         if offsets is None:
             subprocess.run([sys.executable, *command], capture_output=True, check=True)
@@ -94,6 +95,7 @@ def main() -> None:
     parser.add_argument("--models", nargs="+", default=["fast", "fast-320"])
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--frames", type=int, default=200)
+    parser.add_argument("--size", default="960x720", help="of the camera's frames")
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--json", type=Path, required=True)
     arguments = parser.parse_args()
@@ -117,7 +119,7 @@ def main() -> None:
             print(f"{model:10} {kind:17} {found['fps']:6.1f} FPS, p99 {found['latency_ms']['p99']:5.1f} ms")
     names = " ".join(arguments.models)
     command = f"python -m benchmarks.speed.avx2_only --models {names} --threads {arguments.threads}"
-    command += f" --frames {arguments.frames} --turns {arguments.turns}"
+    command += f" --frames {arguments.frames} --size {arguments.size} --turns {arguments.turns}"
     found = {"threads": arguments.threads, "frames": arguments.frames, "models": models}
     write_record(arguments.json, found, command=command, hashes={"model_sha256": hashes})
 

@@ -12,7 +12,7 @@ CLOSE = 1e-3  # of the error: both ways add the same 8-bit numbers, and round fl
 
 
 class Settings:
-    threads, frames = 2, 50
+    threads, frames, size = 1, 25, "480x360"
 
 
 def can_debug():

@@ -22,9 +22,7 @@ def test_joint_bilateral_edges_are_nearer_to_the_truth(layers):
     assert found["joint_bilateral"]["epe_px"] < found["bilinear"]["epe_px"]
 
 
-def test_an_answer_as_large_as_the_input_is_left_alone(layers, tmp_path_factory):
-    path = Exported(
-        shared_folder(tmp_path_factory), "wang2020"
-    ).path  # every shipped model answers for cells of more than one pixel
+def test_an_answer_as_large_as_the_input_is_left_alone(layers):
+    path = Exported(shared_folder(), "wang2020").path  # every shipped model answers for cells of more than one pixel
     found = measure(str(path), layers, 1)
     assert found["joint_bilateral"] == pytest.approx(found["bilinear"], rel=1e-5)

@@ -35,9 +35,9 @@ RIGS = {
 
 
 @pytest.mark.parametrize("kind", ["fast", "cascade"])
-def test_functions_of_files_give_the_same_bytes(library, kind, tmp_path_factory):
+def test_functions_of_files_give_the_same_bytes(library, kind):
     """A file computed by the bodies of its functions differs in its last digits."""
-    model = Exported(shared_folder(tmp_path_factory), kind).path
+    model = Exported(shared_folder(), kind).path
     left, right = shifted_pair(245, 331, 11)
     with endosdk.DepthEstimator(model, network_size=(256, 192)) as python:
         expected = python.predict(left, right)

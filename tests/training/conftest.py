@@ -38,5 +38,5 @@ class ExportedOnce(dict):
 
 
 @pytest.fixture(scope="session")
-def exported(tmp_path_factory):
-    return ExportedOnce(shared_folder(tmp_path_factory))
+def exported():
+    return ExportedOnce(shared_folder())

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import fcntl
-import os
+import hashlib
+import importlib.metadata
 from functools import cached_property
 from pathlib import Path
 
-import pytest
 import torch
 from torch import nn
 
+from endosdk import _core
+from endosdk.io.file_hash import file_sha256
 from endosdk.training.export import ModelDescription, export_model
 from endosdk.training.networks import build_network
 from endosdk.training.networks.base import StereoNetwork
+from tests.conftest import ROOT
 
 
 def shaken(network: StereoNetwork) -> StereoNetwork:
@@ -55,9 +58,12 @@ class Exported:
         return self._file
 
 
-def shared_folder(factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that all processes of this test run have in common."""
-    base = factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "exported-networks"
-    folder.mkdir(exist_ok=True)
+def shared_folder() -> Path:
+    """Return a folder that all tests of these sources have in common, of this run or a later one."""
+    sources = [*(ROOT / "python" / "endosdk" / "training").rglob("*.py"), Path(__file__)]
+    said = "".join(file_sha256(file) for file in sorted(sources))
+    versions = "".join(importlib.metadata.version(name) for name in ("torch", "onnx", "onnxscript", "numpy"))
+    name = hashlib.sha256(f"{said}{versions}{_core.model_format_version}".encode()).hexdigest()[:16]
+    folder = ROOT / "build" / "exported-networks" / name
+    folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -1,6 +1,5 @@
 import json
 import signal
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,7 +7,7 @@ import onnxruntime as ort
 import pytest
 
 from endosdk.commands.cli import main
-from endosdk.datasets.dataset import EndosdkReader, Sample
+from endosdk.datasets.dataset import Sample
 from endosdk.datasets.writer import write_dataset_record, write_sample
 from endosdk.errors import InvalidArgument
 from endosdk.runtime.models import shipped_weights
@@ -236,23 +235,6 @@ def test_plain_folders_can_be_trained_on(tmp_path):
     size = ["--crop", "64", "128", "--inference-width", "128", "--max-disparity", "48"]
     assert main(["train", "--network", "fast", *words, *size, "--batch", "1", "--steps", "1"]) == 0
     assert checkpoint.load(tmp_path / "run").step == 1
-
-
-def test_ranges_are_measured_on_pairs_that_were_trained_on(dataset_root, tmp_path, monkeypatch):
-    config = TrainConfig(network="fast", data=(str(dataset_root),), crop=(64, 128), train_pairs=6, held_out=3, steps=1)
-    train(replace(config, batch=1), tmp_path / "run")
-    model, int8 = tmp_path / "m.onnx", tmp_path / "m8.onnx"
-    read = []
-    original = EndosdkReader.__getitem__
-    monkeypatch.setattr(
-        EndosdkReader,
-        "__getitem__",
-        lambda self, index: read.append((self.split, self.ids[index])) or original(self, index),
-    )
-    release(checkpoint.load(tmp_path / "run"), model, version="1", int8=int8)
-    assert {name for split, name in read if split == "train"} == {f"{index:04d}" for index in range(6)}
-    recorded = json.loads(ort.InferenceSession(int8).get_modelmeta().custom_metadata_map["endosdk.training"])
-    assert recorded["quantisation"]["pairs"] == recorded["data"]["pairs"] == 6
 
 
 def test_a_set_without_test_pairs_is_named_at_once(tmp_path, capsys):
