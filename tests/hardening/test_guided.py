@@ -11,7 +11,7 @@ from tests.hardening.targets import TARGETS
 
 pytest.importorskip("atheris", reason="no Atheris for this Python: pip install atheris")
 
-RUNS = 20_000 if "ENDOSDK_THOROUGH" in os.environ else 400
+RUNS = 20_000 if "ENDOSDK_THOROUGH" in os.environ else 1_000
 
 
 @pytest.mark.parametrize("name", TARGETS)
