@@ -64,7 +64,7 @@ END
     "$out/library/cpp/examples/depth_cli" deb/usr/share/endosdk/models/fast.onnx left.ppm right.ppm depth.pgm
 )
 # The kernels of this compiler, against their NumPy twins. Those of resizing are compared with torch, which is no part of this.
-"$clean/python/bin/pip" install --quiet --disable-pip-version-check pytest
+"$clean/python/bin/pip" install --quiet --disable-pip-version-check pytest scipy
 "$clean/python/bin/python" -m pytest -q -p no:cacheprovider --ignore=tests/core/test_resize.py tests/core tests/jobs/test_machine.py
 # Sizes, and the glibc that each library needs: docs/device/systems.md shows them.
 "$clean/python/bin/python" -m benchmarks.speed.release_files "$wheel" "$out"/packages/*.deb "$out"/packages/*.tar.gz \
