@@ -137,8 +137,7 @@ def test_errors_of_a_distance_equal_those_of_drawn_depths(plane):
     # Depths drawn with the stated errors and correlation: the lengths spread as far as the standard error says.
     pixels = [(30, 30), (50, 34), (52, 60)]
     length_px = _core.correlation_share * 160
-    apart = np.linalg.norm(np.subtract.outer(np.array(pixels)[:, 0], np.array(pixels)[:, 0])[..., None], axis=2)
-    apart = np.hypot(apart, np.subtract.outer(np.array(pixels)[:, 1], np.array(pixels)[:, 1]))
+    apart = np.hypot(*(np.subtract.outer(values, values) for values in np.array(pixels).T))
     variance = 2 * 0.5**2  # of a Laplace law whose scale is the plane's sigma
     drawn = np.random.default_rng(0).multivariate_normal(
         [100.0] * 3, variance * _core.mean_square_share * np.exp(-apart / length_px), 4000

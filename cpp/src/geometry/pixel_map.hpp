@@ -23,7 +23,7 @@ class PixelMap {
   // A point of the rectified left camera's frame in that of the raw left camera, which a hand-eye calibration knows.
   Vec3 to_raw_left(const Vec3& point) const;
 
-  // Q (x, y, disparity, 1) is the point, homogeneous, mm; row by row. Refuses pixels that are not square: Q cannot say that.
+  // Q (x, y, disparity, 1) is the point, homogeneous, mm; row by row. NaN where pixels are not square: Q cannot say that.
   std::array<double, 16> q() const;
 
   // x, y, width and height of the largest rectangle of pixels for which both rectified views have a source.

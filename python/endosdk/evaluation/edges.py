@@ -53,13 +53,17 @@ def _ends(truth: Map) -> tuple[Mask, Mask]:
 
 def near_edges(truth: Map) -> Mask:
     """Return the pixels at most `BAND` away from an end of a depth edge."""
+    return within_band(depth_edges(truth))
+
+
+def within_band(ends: Mask) -> Mask:
+    """Return the pixels at most `BAND` away from one of ``ends``."""
     import cv2
 
-    edges = depth_edges(truth)
-    if not edges.any():
-        return edges
-    away = cv2.distanceTransform((~edges).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(away <= BAND * truth.shape[1] / WIDTH)
+    if not ends.any():
+        return ends
+    away = cv2.distanceTransform((~ends).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(away <= BAND * ends.shape[1] / WIDTH)
 
 
 def flying_pixels(disparity: Map, truth: Map) -> Mask:

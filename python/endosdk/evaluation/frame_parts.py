@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from endosdk import _core
-from endosdk.evaluation.edges import BAND, WIDTH, edge_ends
+from endosdk.evaluation.edges import WIDTH, edge_ends, within_band
 from endosdk.evaluation.metrics import Map, Mask
 
 Picture = npt.NDArray[np.uint8]
@@ -52,11 +52,7 @@ def instrument_edges(view: Picture, truth: Map) -> Mask:
     colours = cv2.medianBlur(np.ascontiguousarray(view), 5).astype(np.int16)
     largest = colours.max(axis=2)
     metal = largest - colours.min(axis=2) <= COLOURLESS * np.maximum(largest, 1)
-    ends: Mask = edge_ends(truth) & metal
-    if not ends.any():
-        return ends
-    away = cv2.distanceTransform((~ends).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(away <= BAND * truth.shape[1] / WIDTH)
+    return within_band(edge_ends(truth) & metal)
 
 
 def has_instruments(info: Mapping[str, Any]) -> bool:
