@@ -158,7 +158,7 @@ def test_a_file_may_state_its_lens_model(tmp_path: Path, ending: str) -> None:
     "stated",
     [
         {"camera_model": "fisheye"},
-        {"model": "KannalaBrandt fisheye"},
+        {"camera_model": "OPENCV_FISHEYE"},
         {"lens_model": "equidistant"},
         {"fisheye_model": 1},
         {"is_fisheye": 1},
@@ -169,9 +169,20 @@ def test_a_file_may_state_its_lens_model_in_other_words(tmp_path: Path, stated: 
     assert_same_rig(load(fisheye_file(tmp_path / "fish.yml", **stated)), fisheye_rig())
 
 
-@pytest.mark.parametrize("stated", [{"camera_model": "FLIR BFS"}, {"model": "pinhole"}, {"fisheye_model": 0}])
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"camera_model": "FLIR BFS"},
+        {"model": "ELP fisheye 170", "camera_model": "pinhole"},
+        {"lens_type": "non-fisheye"},
+        {"camera_model": {"type": "pinhole"}},
+        {"fisheye_model": 0},
+    ],
+)
 def test_what_names_no_fisheye_is_none(tmp_path: Path, stated: dict[str, Any]) -> None:
-    assert load(fisheye_file(tmp_path / "fish.yml", **stated)).model == "pinhole"
+    fields = {name: np.asarray(value).tolist() for name, value in opencv_fields().items()}
+    (tmp_path / "lists.json").write_text(json.dumps({**fields, **stated}))
+    assert_same_rig(load(tmp_path / "lists.json"), RIG)
 
 
 def test_a_file_must_not_contradict_itself_or_the_caller_about_its_lens(tmp_path: Path) -> None:
@@ -190,8 +201,12 @@ def test_a_file_may_state_its_unit(tmp_path: Path, unit: str, mm: float) -> None
 
 
 def test_an_unknown_unit_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationUnreadable, match=r"units: must be one of mm, cm, m; got inch"):
-        load(write_opencv(tmp_path / "stereo.yml", opencv_fields(units="inch")))
+    path = write_opencv(tmp_path / "stereo.yml", opencv_fields(units="inch"))
+    with pytest.raises(
+        CalibrationUnreadable, match=r"units: must be one of mm, cm, m, or be given by units=; got 'inch'"
+    ):
+        load(path)
+    assert_same_rig(load(path, units="mm"), RIG)
 
 
 def test_two_sizes_in_one_file_must_agree(tmp_path: Path) -> None:
@@ -200,6 +215,15 @@ def test_two_sizes_in_one_file_must_agree(tmp_path: Path) -> None:
     path = write_opencv(tmp_path / "stereo.yml", opencv_fields(**{**named, "image_size": [1920, 1080]}))
     with pytest.raises(CalibrationUnreadable, match=r"size: must be that of width and height, 640 x 480"):
         load(path)
+
+
+@pytest.mark.parametrize("more", [{"size": [9, 6]}, {"size": 25.0}, {"resolution": "1080p"}])
+def test_a_size_of_something_else_is_not_that_of_pictures_whose_sides_are_stated(
+    tmp_path: Path, more: dict[str, Any]
+) -> None:
+    fields = opencv_fields(image_width=640, image_height=480, **more)
+    del fields["image_size"]
+    assert_same_rig(load(write_opencv(tmp_path / "stereo.yml", fields)), RIG)
 
 
 def test_a_width_alone_does_not_tell_the_order_of_an_array(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 OpenCV's own sample writes two files, the cameras and the extrinsics; both may be given as a pair. Plain YAML with
 nested lists under the same names is read too. Most files do not say whether four coefficients are those of a fisheye;
-a ``distortion_model`` does, a flag such as ``fisheye_model``, or a ``camera_model`` with fisheye in its name.
+a ``distortion_model`` does, a flag such as ``fisheye_model``, or a ``camera_model`` of that name.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from endosdk.calibration.files.stated import (
-    MM_PER_UNIT,
     MODEL_OF,
     RawCalibration,
     lens_model,
@@ -47,16 +46,19 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
         "rightdistortioncoefficients",
         "rotation": "r rotation rotationmatrix rmatrix rot",
         "translation": "t translation translationvector tvec tvector trns",
-        "size": "imagesize imgsize size resolution calibrationimagesize",
+        "size": "imagesize imgsize calibrationimagesize",
+        "some_size": "size resolution",  # of the pictures, unless these state their width and height
         "width": "width imagewidth imgwidth",
         "height": "height imageheight imgheight",
         "model": "distortionmodel",
-        "camera": "cameramodel lensmodel projectionmodel cameratype lenstype model",
-        "fisheye": "fisheyemodel isfisheye usefisheye fisheye",
-        "unit": "unit units lengthunit lengthunits",
     }.items()
 }
 FIELD_OF = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
+# What many files say beside the numbers, each in its own way. A camera's model may also be the name of a product.
+CAMERA = ("cameramodel", "lensmodel", "projectionmodel", "cameratype", "lenstype", "model")
+FISHEYE_FLAG = ("fisheyemodel", "isfisheye", "usefisheye")
+UNIT = ("unit", "units", "lengthunit", "lengthunits")
+FISHEYES = {name for name, model in MODEL_OF.items() if model == "fisheye"} | {"opencv_fisheye", "kannalabrandt"}
 UNIT_OF = {
     **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
     **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
@@ -100,23 +102,33 @@ def read(paths: tuple[Path, ...]) -> RawCalibration:
     return RawCalibration(
         **numbers,
         **_size(paths[0], found),
-        unit=_unit(paths[0], found),
-        model=_model(paths[0], found) or "pinhole",
+        unit=_unit(paths),
+        model=_model(paths, found.get("model")) or "pinhole",
     )
 
 
 def read_fisheye(paths: tuple[Path, ...]) -> RawCalibration:
     """Read the same file with its four coefficients as OpenCV's fisheye model, which the file itself must not deny."""
     for path in paths:
-        stated = _model(path, _fields(path))
-        if stated == "pinhole":
+        stated = _fields(path).get("model")
+        if stated is not None and lens_model(path, stated) == "pinhole":
             rule = "must not be that of a pinhole camera for layout opencv-fisheye"
             raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, stated)
     return replace(read(paths), model="fisheye")
 
 
+def _plain(key: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", key.lower())
+
+
 def _field(key: str) -> str | None:
-    return FIELD_OF.get(re.sub(r"[^a-z0-9]", "", key.lower()))
+    return FIELD_OF.get(_plain(key))
+
+
+def _said(path: Path, keys: tuple[str, ...]) -> list[str]:
+    """Return the words, in lower case, that a file says under these keys; numbers are words too."""
+    content = _content(path)
+    return [str(value).strip().lower() for key, value in content.items() if _plain(key) in keys]
 
 
 def _fields(path: Path) -> dict[str, Any]:
@@ -164,27 +176,25 @@ def _value(path: Path, key: str, value: Any) -> Any:
     return data
 
 
-def _model(path: Path, found: dict[str, Any]) -> CameraModel | None:
-    """Return the lens model that the file states in any of the ways in use, None where it states none."""
-    stated = None if "model" not in found else lens_model(path, found["model"])
-    # Many write the name of a product there, or the projection alone: only a fisheye tells something.
-    camera = str(found.get("camera", "")).lower()
-    named = MODEL_OF.get(camera) == "fisheye" or "fisheye" in camera
-    flagged = str(found.get("fisheye", "")).strip().lower() in ("1", "1.", "1.0", "true", "yes", "on")
+def _model(paths: tuple[Path, ...], stated: Any) -> CameraModel | None:
+    """Return the lens model that files state in any of the ways in use, None where they state none."""
+    model = None if stated is None else lens_model(paths[0], stated)
+    named = any(word in FISHEYES for path in paths for word in _said(path, CAMERA))
+    flagged = any(
+        word in ("1", "1.", "1.0", "true", "yes", "on") for path in paths for word in _said(path, FISHEYE_FLAG)
+    )
     if not (named or flagged):
-        return stated
-    if stated == "pinhole":
+        return model
+    if model == "pinhole":
         rule = "must not be a pinhole camera's where the file calls the lens a fisheye elsewhere"
-        raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, found["model"])
+        raise CalibrationUnreadable(f"{paths[0].name}: distortion_model", rule, stated)
     return "fisheye"
 
 
-def _unit(path: Path, found: dict[str, Any]) -> str:
-    unit = str(found.get("unit", "mm")).strip().lower()
-    unit = UNIT_OF.get(unit, unit)
-    if unit not in MM_PER_UNIT:
-        raise CalibrationUnreadable(f"{path.name}: units", f"must be one of {', '.join(MM_PER_UNIT)}", found["unit"])
-    return unit
+def _unit(paths: tuple[Path, ...]) -> str:
+    """Return the unit that the files state, mm where they state none; `finish` refuses one that is not known."""
+    words = [UNIT_OF.get(word, word) for path in paths for word in _said(path, UNIT)]
+    return words[0] if words else "mm"
 
 
 def _size(path: Path, found: dict[str, Any]) -> dict[str, Any]:
@@ -192,10 +202,11 @@ def _size(path: Path, found: dict[str, Any]) -> dict[str, Any]:
     named = array = None
     if "width" in found and "height" in found:
         named = picture_size(path, found["width"], found["height"])
-    if "size" in found:
-        sides = matrix(path, "size", found["size"], (-1,))
+    given = found.get("size", found.get("some_size") if named is None else None)
+    if given is not None:
+        sides = matrix(path, "size", given, (-1,))
         if sides.size != 2:
-            raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", found["size"])
+            raise CalibrationUnreadable(f"{path.name}: size", "must be two numbers", given)
         array = picture_size(path, sides[0], sides[1])
     if named is None:
         return {"size": array, "size_may_be_swapped": array is not None}

@@ -76,7 +76,7 @@ def finish(
     """Settle size and units."""
     source = " + ".join(path.name for path in paths)
     width, height = _settle_size(raw, source, size)
-    unit = _settle_unit(raw, units)
+    unit = _settle_unit(raw, source, units)
     fields = {
         "width": width,
         "height": height,
@@ -113,9 +113,12 @@ def _warn_of_the_unusual(fields: Mapping[str, Any], source: str, unit: str) -> N
         )
 
 
-def _settle_unit(raw: RawCalibration, units: str | None) -> str:
+def _settle_unit(raw: RawCalibration, source: str, units: str | None) -> str:
     if units is not None and units not in MM_PER_UNIT:
         raise InvalidArgument("units", f"must be one of {', '.join(MM_PER_UNIT)}", repr(units))
+    if units is None and raw.unit not in MM_PER_UNIT:
+        rule = f"must be one of {', '.join(MM_PER_UNIT)}, or be given by units="
+        raise CalibrationUnreadable(f"{source}: units", rule, repr(raw.unit))
     return units or raw.unit
 
 
