@@ -67,5 +67,6 @@ def test_only_a_host_that_imports_the_runtime_first_and_sets_no_switch_is_heard(
     with ThreadPoolExecutor() as together:  # each of them mostly waits
         said = dict(zip(hosts, together.map(heard, hosts), strict=True))
     reports = tuple(int(part) for part in version("onnxruntime").split(".")[:2]) >= (1, 29)
-    assert any("microsoft" in name for name in said.pop("runtime first")) == reports, "the wait proves nothing"
-    assert list(said.values()) == [[], []]
+    if reports:
+        assert any("microsoft" in name for name in said.pop("runtime first")), "the wait is too short to prove anything"
+    assert not any(said.values())

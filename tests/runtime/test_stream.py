@@ -332,5 +332,5 @@ def test_a_frame_that_waits_for_a_slower_one_before_it_is_late(monkeypatch):
     estimator = DepthEstimator(TINY_MODEL, threads=2, deadline_ms=400.0)
     slow, waited = estimator.stream(iter([(white, white), shifted_pair(*SIZE, 8)]))
     assert slow.late and waited.late
-    assert waited.causes[Cause.LATE] * 400 > 500  # ms
-    assert waited.timings.total_ms < 300
+    taken_ms = waited.causes[Cause.LATE] * 400
+    assert taken_ms > 500 and waited.timings.total_ms < 0.8 * taken_ms

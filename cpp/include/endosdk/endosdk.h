@@ -158,7 +158,7 @@ typedef struct endo_options {
     double deadline_ms;          /* a frame that takes longer is marked late; 0 (default): none is */
     const char *float32_model;   /* path of the same model in float32, opened instead where the processor or the provider
                                     has no fast 8-bit arithmetic (a log line says so); NULL: there is none */
-    const char *float32_model_sha256; /* as model_sha256, for that file */
+    const char *float32_model_sha256; /* as model_sha256, for that file; needed with model_sha256 unless public_key is set */
     const char *const *provider_options; /* the provider's own options, each "key=value", with NULL after the last; they
                                     are passed on unchanged. NULL: none */
     const char *runtime_sha256;  /* 64 hexadecimal digits that the file runtime_library must hash to, checked before
@@ -479,7 +479,8 @@ ENDO_API endo_status endo_point_at(const endo_calibration *calibration, const en
 ENDO_API endo_status endo_path_length(const endo_calibration *calibration, const endo_result *result, const double *pixels,
                                       size_t count, endo_measured *length);
 
-/* What lies inside a polygon of 3 to 10,000 pixels that does not cross itself and holds depth on half of its pixels. */
+/* What lies inside a polygon of 3 to 10,000 pixels that does not cross itself, holds depth on half of its pixels, and ends
+   before the horizon of the plane through them. */
 ENDO_API endo_status endo_area_inside(const endo_calibration *calibration, const endo_result *result, const double *pixels,
                                       size_t count, endo_area *area);
 

@@ -1,7 +1,7 @@
 #include "frame_path/stream.hpp"
 
 #include <algorithm>
-#include <new>
+#include <utility>
 
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
@@ -121,9 +121,12 @@ std::optional<Stream::Answer> Stream::receive() {
 
 void Stream::follow_rig() {
   require(rig_ != nullptr, ENDO_CALIBRATION_REQUIRED, "follow_rig", calibration_rule, "no calibration");
+  path_->process().check();
+  path_->check_open();
   std::unique_lock lock(mutex_);
+  require(!closed_, "stream", "must not have ended", "an ended one");
   if (!follower_.joinable()) follower_ = new_thread([this] { follow(); });
-  change_.wait(lock, [&] { return following_; });
+  change_.wait(lock, [&] { return following_ || closed_; });
 }
 
 // Takes one frame's pose error, in the order of the frames, and asks for the correction that later frames shall have.
@@ -157,14 +160,14 @@ void Stream::follow() {
   }
 }
 
-// None, and a line in the log, where memory is short: the rectification stays as it is.
+// None where it cannot be made, as for want of memory: the rectification stays as it is, and the frames say that the rig has
+// moved. No exception may leave the thread, not even one of the host's log.
 std::shared_ptr<const RectifyStage> Stream::corrected_stage(const PoseVector& correction) {
   try {
     auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture_, [] {}, correction);
     path_->tell_correction(correction);
     return stage;
-  } catch (const std::bad_alloc&) {
-    path_->settings().log(ENDO_LOG_WARNING, "the rig has moved; memory is short, so the rectification stays as it is");
+  } catch (...) {
     return nullptr;
   }
 }
@@ -246,15 +249,17 @@ void Stream::end() {
 void Stream::close() {
   if (!path_->process().is_this()) return;
   path_->remove_stream(this);
+  std::thread follower;
   {
     const std::lock_guard lock(mutex_);
     ended_ = closed_ = true;
+    follower = std::move(follower_);
     change_.notify_all();
   }
   for (std::thread& thread : threads_) {
     if (thread.joinable()) thread.join();
   }
-  if (follower_.joinable()) follower_.join();
+  if (follower.joinable()) follower.join();
 }
 
 }  // namespace endosdk

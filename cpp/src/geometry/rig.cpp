@@ -21,6 +21,9 @@ constexpr double rectified_tolerance = 1e-6;
 // scene.
 constexpr double most_oblong = 1.05;
 
+// No camera has pixels like that, nor any way to pack two views into a frame.
+constexpr double no_oblong = 8.0;
+
 Camera camera(const endo_calibration& rig, bool second) {
   const double* k = second ? rig.right_matrix : rig.left_matrix;
   const double* d = second ? rig.right_distortion : rig.left_distortion;
@@ -58,7 +61,9 @@ Rectification turn_views(const endo_calibration& rig, double alpha) {
   stereo.height = rig.height;
   const double aspect = std::sqrt(stereo.left.fx / stereo.left.fy * stereo.right.fx / stereo.right.fy);
   if (std::max(aspect, 1.0 / aspect) <= most_oblong) return stereo_rectify(stereo, alpha);
-  stereo.width = std::max(1, static_cast<int>(std::lround(rig.width / aspect)));
+  require(std::max(aspect, 1.0 / aspect) <= no_oblong, ENDO_INVALID_CALIBRATION, "left_matrix",
+          Text("focal lengths along x and y must be within a factor of ", no_oblong), aspect);
+  stereo.width = static_cast<int>(std::lround(rig.width / aspect));
   const double squeeze = static_cast<double>(stereo.width) / rig.width;
   for (Camera* view : {&stereo.left, &stereo.right}) {
     view->fx *= squeeze;

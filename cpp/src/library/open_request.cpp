@@ -72,12 +72,14 @@ void check_numbers(const endo_options& o) {
 }
 
 // Also of the file that this machine does not open: another one of the fleet does.
-void check_pins(const OpenRequest& request) {
+void check_pins(const OpenRequest& request, bool is_signed) {
   check_sha256_form(request.model_proof.sha256, "model_sha256");
   check_sha256_form(request.float32_model_proof.sha256, "float32_model_sha256");
   check_sha256_form(request.runtime_sha256, "runtime_sha256");
-  const bool open_door = !request.float32_model.empty() && !request.model_proof.sha256.empty() && request.float32_model_proof.sha256.empty();
-  require_argument(!open_door, "float32_model_sha256", "must be given where model_sha256 and float32_model are", "NULL");
+  const bool pinned = !request.model_proof.sha256.empty() && !is_signed;
+  const bool open_door = pinned && !request.float32_model.empty() && request.float32_model_proof.sha256.empty();
+  require_argument(!open_door, "float32_model_sha256", "must be given where model_sha256 and float32_model are, and no public_key",
+                   "NULL");
 }
 
 ProviderOptions provider_options(const endo_options& o) {
@@ -107,7 +109,7 @@ OpenRequest open_request(const endo_options* options) {
   request.model_proof.sha256 = text_or_nothing(o.model_sha256, "model_sha256");
   request.float32_model_proof.sha256 = text_or_nothing(o.float32_model_sha256, "float32_model_sha256");
   request.runtime_sha256 = text_or_nothing(o.runtime_sha256, "runtime_sha256");
-  check_pins(request);
+  check_pins(request, o.public_key != nullptr);
   const std::optional<Signer> signer = signer_of(o);
   request.model_proof.signature = check_by(signer, bytes_or_nothing(o.signature, o.signature_size, "signature"));
   request.float32_model_proof.signature = check_by(

@@ -31,7 +31,7 @@ void bad_openings_are_refused(const Places& at) {
   // A pin of the file that another machine of the fleet opens, whatever this one does.
   refused([](O& o) { o.float32_model_sha256 = "abc"; }, ENDO_INVALID_ARGUMENT, "float32_model_sha256: must be 64 hexadecimal");
   refused([](O& o) { o.model_sha256 = zeros.c_str(), o.float32_model = "other.onnx"; }, ENDO_INVALID_ARGUMENT,
-          "float32_model_sha256: must be given where model_sha256 and float32_model are");
+          "float32_model_sha256: must be given where model_sha256 and float32_model are, and no public_key");
   refused([](O& o) { o.runtime_sha256 = "0x12"; }, ENDO_INVALID_ARGUMENT, "runtime_sha256: must be 64 hexadecimal");
   refused([](O& o) { o.runtime_library = ""; }, ENDO_INVALID_ARGUMENT, "runtime_library");
   // Where Python names a setting otherwise, the text says how C does.

@@ -27,8 +27,8 @@ class Area:
 def area(result: DepthResult, polygon: Sequence[Pixel]) -> Area:
     """Measure the surface inside a polygon of 3 to 10,000 pixels; a pixel is inside when its centre is.
 
-    Raises InvalidArgument where the polygon leaves the map, crosses itself, or holds depth on fewer than 30 or
-    half of its pixels; CalibrationRequired without a rig.
+    Raises InvalidArgument where the polygon leaves the map, crosses itself, holds depth on fewer than 30 or half of
+    its pixels, or reaches past the horizon of the plane through them; CalibrationRequired without a rig.
     """
     flat, flat_error, relief, relief_error, coverage = _core.area(
         *measured_maps(result), checked_pixels("polygon", polygon)

@@ -79,7 +79,7 @@ def distance(result: DepthResult, p: Pixel, q: Pixel) -> Measured:
 
 
 def path_length(result: DepthResult, pixels: Sequence[Pixel]) -> Measured:
-    """Return the length of the line through the points at two pixels or more, mm. Raises as `point_at` does."""
+    """Return the length of the line through the points at 2 to 10,000 pixels, mm. Raises as `point_at` does."""
     return Measured(*_core.path_length(*measured_maps(result), checked_pixels("pixels", pixels)))
 
 
