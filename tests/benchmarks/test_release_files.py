@@ -90,6 +90,8 @@ if name == "cmake" and "-B" in given:
 if name == "cpack":
     put(after("-B") / "endosdk_2.0_amd64.deb")
     put(after("-B") / "endosdk-2.0-Linux-x86_64.tar.gz")
+if name == "dpkg-deb" and "--field" in given:
+    print("libc6 (>= 2.28)")
 """
 
 

@@ -142,6 +142,10 @@ def test_a_growth_that_was_stopped_still_knows_what_was_finished(
     assert simulate(out, *more) == 2
     assert f"{CHANGED}; got {changed}" in capsys.readouterr().err
     shutil.rmtree(changed)
+    run = started(out, *more, first=f"train/{changed.name}")  # rendered anew, on another machine to other bits
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    (changed / "left.png").write_bytes((other / "left.png").read_bytes())
     assert simulate(out, *more) == 0
     assert {path.name for path in out.iterdir()} == {path.name for path in whole.iterdir()}
 

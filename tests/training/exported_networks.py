@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import importlib.metadata
+import shutil
 from functools import cached_property
 from pathlib import Path
 
@@ -55,15 +56,28 @@ class Exported:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not self._file.exists():
                 export_model(self.network, self._file, self.info)
+                if sources() != SOURCES:  # they were edited meanwhile: nobody knows which ones this file is of
+                    self._file.unlink()
+                    raise RuntimeError("the sources have changed since the tests began: run them again")
         return self._file
+
+
+def sources() -> str:
+    """Return the hash of what decides what a file holds: the modules that write it, compiled ones and libraries too."""
+    files = [*(ROOT / "python" / "endosdk" / "training").rglob("*.py"), Path(_core.__file__), Path(__file__)]
+    said = [file_sha256(file) for file in sorted(files)]
+    said += [importlib.metadata.version(name) for name in ("torch", "onnx", "onnxscript", "numpy")]
+    return hashlib.sha256("".join(said).encode()).hexdigest()
+
+
+SOURCES = sources()  # as they are when they are imported
 
 
 def shared_folder() -> Path:
     """Return a folder that all tests of these sources have in common, of this run or a later one."""
-    sources = [*(ROOT / "python" / "endosdk" / "training").rglob("*.py"), Path(__file__)]
-    said = "".join(file_sha256(file) for file in sorted(sources))
-    versions = "".join(importlib.metadata.version(name) for name in ("torch", "onnx", "onnxscript", "numpy"))
-    name = hashlib.sha256(f"{said}{versions}{_core.model_format_version}".encode()).hexdigest()[:16]
-    folder = ROOT / "build" / "exported-networks" / name
+    folder = ROOT / "build" / "exported-networks" / SOURCES[:16]
     folder.mkdir(parents=True, exist_ok=True)
+    for older in folder.parent.iterdir():
+        if older != folder:
+            shutil.rmtree(older, ignore_errors=True)
     return folder

@@ -373,14 +373,14 @@ def test_truth_beyond_the_range_is_counted_and_told(tmp_path, caplog):
 
 
 def test_truth_too_large_to_be_kept_counts_as_beyond_the_range(tmp_path, caplog):
-    truth = np.full((64, 128), 200.0, np.float32)  # seen twice as wide: 400 px
+    truth = np.full((64, 128), 128.0, np.float32)  # seen twice as wide: 256 px
     truth[:48] = 20.0
     one_frame_set(tmp_path / "set", (64, 128), truth)
     config = settings(tmp_path / "set", max_disparity=48, held_out=0, inference_width=256)
     assert Run(config, tmp_path / "run").beyond_range == pytest.approx(1 / 4)
 
 
-@pytest.mark.parametrize("disparity", [np.nan, 60.0, 250.0])
+@pytest.mark.parametrize("disparity", [np.nan, 60.0, 128.0])
 def test_pairs_without_truth_in_range_are_refused_before_the_run_begins(disparity, tmp_path):
     one_frame_set(tmp_path / "set", (64, 128), disparity)
     config = settings(tmp_path / "set", max_disparity=48, held_out=0, inference_width=256)

@@ -54,8 +54,7 @@ def generate(
         _claim(job.root, recipe)  # not before: what it removes and writes may be in use by another run
         _check_finished(job.root)
         if missing:
-            if (job.root / RECORD).exists():
-                (job.root / RECORD).replace(job.root / PREVIOUS)
+            _keep_hashes(job.root)
             _render_all(job, missing, workers, progress, ray)
         record = _record(job)
         write_dataset_record(job.root, record)
@@ -80,9 +79,26 @@ def _claim(root: Path, recipe: Recipe) -> None:
         write_text(root / RECIPE, json.dumps(wanted, indent=1) + "\n", "out")
 
 
+def _latest_record(root: Path) -> str | None:
+    return next((name for name in (RECORD, PREVIOUS) if (root / name).exists()), None)
+
+
+def _keep_hashes(root: Path) -> None:
+    """Declare a set unfinished and remember what is there; what was deleted is rendered anew, perhaps to other bits."""
+    latest = _latest_record(root)
+    if latest is None:
+        return
+    record = read_record(root, latest)
+    for split in SPLITS:
+        kept = {name: sha256 for name, sha256 in record["samples"][split].items() if (root / split / name).is_dir()}
+        record["samples"][split] = kept
+    write_text(root / PREVIOUS, json.dumps(record, indent=1, sort_keys=True) + "\n", "out")
+    (root / RECORD).unlink(missing_ok=True)
+
+
 def _check_finished(root: Path) -> None:
     """Raise DatasetInvalid where a sample of a set that was complete is no longer what its record says."""
-    record = next((name for name in (RECORD, PREVIOUS) if (root / name).exists()), None)
+    record = _latest_record(root)
     if record is None:
         return
     recorded = read_record(root, record)["samples"]
