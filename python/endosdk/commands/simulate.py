@@ -199,12 +199,12 @@ def _recipe(args: argparse.Namespace) -> Recipe:
     from endosdk.errors import InvalidArgument
 
     try:
-        return _drawn_recipe(args)
+        return _described_recipe(args)
     except InvalidArgument as error:
         raise InvalidArgument(_OPTIONS_OF.get(error.argument, error.argument), error.rule, error.value) from error
 
 
-def _drawn_recipe(args: argparse.Namespace) -> Recipe:
+def _described_recipe(args: argparse.Namespace) -> Recipe:
     from endosdk.errors import InvalidArgument
     from endosdk.simulation.camera import StereoCamera
     from endosdk.simulation.effects import Effects

@@ -87,30 +87,31 @@ def looks_like(keys: Iterable[str]) -> bool:
 
 def read(paths: tuple[Path, ...]) -> RawCalibration:
     """Read one file, or the two that share a calibration between them."""
+    contents = [_content(path) for path in paths]
     found: dict[str, Any] = {}
-    for path in paths:
-        for name, value in _fields(path).items():
+    for path, content in zip(paths, contents, strict=True):
+        for name, value in _fields(path, content).items():
             if name in found and not np.array_equal(found[name], value):
                 raise CalibrationUnreadable(path.name, f"must state {name} once", "two different values")
             found[name] = value
     missing = [f"{name} ({SPELLINGS[name][0].upper()})" for name in SHAPES if name not in found]
     if missing:
         source = " + ".join(path.name for path in paths)
-        keys = sorted(key for path in paths for key in _content(path))
+        keys = sorted(key for content in contents for key in content)
         raise CalibrationUnreadable(source, f"must hold {', '.join(missing)}", f"fields {keys}")
     numbers = {name: found[name] for name in SHAPES}
     return RawCalibration(
         **numbers,
         **_size(paths[0], found),
-        unit=_unit(paths),
-        model=_model(paths, found.get("model")) or "pinhole",
+        unit=_unit(contents),
+        model=_model(paths[0], contents, found.get("model")),
     )
 
 
 def read_fisheye(paths: tuple[Path, ...]) -> RawCalibration:
     """Read the same file with its four coefficients as OpenCV's fisheye model, which the file itself must not deny."""
     for path in paths:
-        stated = _fields(path).get("model")
+        stated = _fields(path, _content(path)).get("model")
         if stated is not None and lens_model(path, stated) == "pinhole":
             rule = "must not be that of a pinhole camera for layout opencv-fisheye"
             raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, stated)
@@ -125,15 +126,14 @@ def _field(key: str) -> str | None:
     return FIELD_OF.get(_plain(key))
 
 
-def _said(path: Path, keys: tuple[str, ...]) -> list[str]:
-    """Return the words, in lower case, that a file says under these keys; numbers are words too."""
-    content = _content(path)
-    return [str(value).strip().lower() for key, value in content.items() if _plain(key) in keys]
+def _said(contents: list[dict[str, Any]], keys: tuple[str, ...]) -> list[str]:
+    """Return the words, in lower case, that files say under these keys; numbers are words too."""
+    values = [value for content in contents for key, value in content.items() if _plain(key) in keys]
+    return [str(value).strip().lower() for value in values]
 
 
-def _fields(path: Path) -> dict[str, Any]:
-    """Return what the file holds under our names, as arrays of the right shape."""
-    content = _content(path)
+def _fields(path: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """Return what a file holds under our names, as arrays of the right shape."""
     found: dict[str, Any] = {}
     for key, value in content.items():
         name = _field(key)
@@ -176,24 +176,22 @@ def _value(path: Path, key: str, value: Any) -> Any:
     return data
 
 
-def _model(paths: tuple[Path, ...], stated: Any) -> CameraModel | None:
-    """Return the lens model that files state in any of the ways in use, None where they state none."""
-    model = None if stated is None else lens_model(paths[0], stated)
-    named = any(word in FISHEYES for path in paths for word in _said(path, CAMERA))
-    flagged = any(
-        word in ("1", "1.", "1.0", "true", "yes", "on") for path in paths for word in _said(path, FISHEYE_FLAG)
-    )
+def _model(path: Path, contents: list[dict[str, Any]], stated: Any) -> CameraModel:
+    """Return the lens model that files state in any of the ways in use, a pinhole camera where they state none."""
+    model = "pinhole" if stated is None else lens_model(path, stated)
+    named = any(word in FISHEYES for word in _said(contents, CAMERA))
+    flagged = any(word in ("1", "1.", "1.0", "true", "yes", "on") for word in _said(contents, FISHEYE_FLAG))
     if not (named or flagged):
         return model
-    if model == "pinhole":
+    if stated is not None and model == "pinhole":
         rule = "must not be a pinhole camera's where the file calls the lens a fisheye elsewhere"
-        raise CalibrationUnreadable(f"{paths[0].name}: distortion_model", rule, stated)
+        raise CalibrationUnreadable(f"{path.name}: distortion_model", rule, stated)
     return "fisheye"
 
 
-def _unit(paths: tuple[Path, ...]) -> str:
+def _unit(contents: list[dict[str, Any]]) -> str:
     """Return the unit that the files state, mm where they state none; `finish` refuses one that is not known."""
-    words = [UNIT_OF.get(word, word) for path in paths for word in _said(path, UNIT)]
+    words = [UNIT_OF.get(word, word) for word in _said(contents, UNIT)]
     return words[0] if words else "mm"
 
 
