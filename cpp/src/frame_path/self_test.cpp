@@ -107,7 +107,7 @@ void check_agreement(const Answer& answer, const KnownPair& pair) {
                    Text(int{answer.reasons[i]}, " at a depth of ", answer.depth[i]));
     require_answer(answer.confidence[i] >= 0.0f && answer.confidence[i] <= 1.0f, "self test: confidence", "must lie within 0..1",
                    answer.confidence[i]);
-    check_steps(answer.disparity_u16[i], answer.disparity[i], 256.0, valid, "self test: disparity_u16");
+    check_steps(answer.disparity_u16[i], answer.disparity[i], static_cast<double>(disparity_steps), valid, "self test: disparity_u16");
     check_steps(answer.depth_u16[i], answer.depth[i], 1.0 / every_answer.depth_unit_mm, valid, "self test: depth_u16");
     if (!valid) continue;
     ++count;

@@ -22,7 +22,7 @@ constexpr double rectified_tolerance = 1e-6;
 constexpr double most_oblong = 1.05;
 
 // No camera has pixels like that, nor any way to pack two views into a frame.
-constexpr double no_oblong = 8.0;
+constexpr double beyond_any_camera = 8.0;
 
 Camera camera(const endo_calibration& rig, bool second) {
   const double* k = second ? rig.right_matrix : rig.left_matrix;
@@ -61,8 +61,8 @@ Rectification turn_views(const endo_calibration& rig, double alpha) {
   stereo.height = rig.height;
   const double aspect = std::sqrt(stereo.left.fx / stereo.left.fy * stereo.right.fx / stereo.right.fy);
   if (std::max(aspect, 1.0 / aspect) <= most_oblong) return stereo_rectify(stereo, alpha);
-  require(std::max(aspect, 1.0 / aspect) <= no_oblong, ENDO_INVALID_CALIBRATION, "left_matrix",
-          Text("focal lengths along x and y must be within a factor of ", no_oblong), aspect);
+  require(std::max(aspect, 1.0 / aspect) <= beyond_any_camera, ENDO_INVALID_CALIBRATION, "left_matrix",
+          Text("focal lengths along x and y must be within a factor of ", beyond_any_camera), aspect);
   stereo.width = static_cast<int>(std::lround(rig.width / aspect));
   const double squeeze = static_cast<double>(stereo.width) / rig.width;
   for (Camera* view : {&stereo.left, &stereo.right}) {

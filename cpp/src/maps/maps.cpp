@@ -107,7 +107,7 @@ void write_u16(const MapsOut& maps, size_t pixels, double depth_unit_mm) {
   const float depth_steps = static_cast<float>(1.0 / depth_unit_mm);
   const auto convert = [&](int begin, int end, int) {
     if (maps.disparity_u16 != nullptr) {
-      write_steps(maps.disparity, maps.reasons, begin, end, 256.0f, maps.disparity_u16);
+      write_steps(maps.disparity, maps.reasons, begin, end, disparity_steps, maps.disparity_u16);
     }
     if (maps.depth_u16 != nullptr) write_steps(maps.depth, maps.reasons, begin, end, depth_steps, maps.depth_u16);
   };

@@ -27,6 +27,9 @@ struct MapsOut {
   uint16_t* depth_u16 = nullptr;
 };
 
+// Of disparity_u16, per px.
+constexpr float disparity_steps = 256.0f;
+
 // What is known of one map, whoever writes or reads it.
 template <typename Type>
 struct MapField {
