@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import platform
 
-# Numbers of malloc.h; ctypes cannot read them.
+# Numbers of malloc.h and sys/mman.h; ctypes cannot read them.
 M_TRIM_THRESHOLD = -1
 M_MMAP_MAX = -4
-LARGEST = 2**31 - 1
+NEVER = -1
+MADV_HUGEPAGE = 14
 
 
 def keep_freed_memory() -> None:
@@ -21,4 +23,23 @@ def keep_freed_memory() -> None:
         return
     library = ctypes.CDLL(None)
     library.mallopt(M_MMAP_MAX, 0)
-    library.mallopt(M_TRIM_THRESHOLD, LARGEST)
+    library.mallopt(M_TRIM_THRESHOLD, NEVER)
+    _ask_for_large_pages(library)
+
+
+def _ask_for_large_pages(library: ctypes.CDLL) -> None:
+    """Let the heap grow in pages of 2 MiB where the system has them: a further sixth of that time.
+
+    Half of the machine's memory is asked for and freed. No page of it is touched, so it costs addresses alone.
+    """
+    page = os.sysconf("SC_PAGE_SIZE")
+    size = page * os.sysconf("SC_PHYS_PAGES") // 2
+    library.malloc.restype = ctypes.c_void_p
+    library.malloc.argtypes = [ctypes.c_size_t]
+    library.free.argtypes = [ctypes.c_void_p]
+    library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
+    block = library.malloc(size)
+    if block is None:  # a limit of the process's addresses
+        return
+    library.madvise(-(-block // page) * page, size - page, MADV_HUGEPAGE)  # a wish: without such pages it fails
+    library.free(block)
