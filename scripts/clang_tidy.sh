@@ -6,11 +6,11 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+PATH=$PWD/.venv/bin:$PATH  # of a kind with the list of checks: each version has its own
 command -v clang-tidy > /dev/null || {
-  echo "static analysis is skipped: no clang-tidy (Debian: apt-get install clang-tidy)"
+  echo "static analysis is skipped: no clang-tidy (make .venv/.develop)"
   exit 77  # what lacks a tool was not run: not the same as passed
 }
-PATH=$PATH:$PWD/.venv/bin
 build=build/analysed
 cmake -S . -B $build -G Ninja -DENDOSDK_BUILD_EXAMPLES=ON > /dev/null
 cmake --build $build --target endosdk_build_info > /dev/null

@@ -57,7 +57,7 @@ def sanitized() -> Path:
     c.build(
         folder,
         "-DCMAKE_BUILD_TYPE=None",
-        "-DCMAKE_CXX_FLAGS=-O1 -g1",
+        "-DCMAKE_CXX_FLAGS=-O0 -g1",
         "-DENDOSDK_SANITIZE=address,undefined",
         "-DENDOSDK_BUILD_TESTS=ON",
         "-DENDOSDK_BUILD_FUZZERS=ON",

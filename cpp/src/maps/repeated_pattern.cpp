@@ -19,7 +19,7 @@ using Places = std::vector<float>::const_iterator;
 bool has_rival(Places begin, Places end, Places best) {
   const float limit = *best - nearly;
   const auto is_near = [limit](float likeness) { return likeness > limit; };
-  const auto beyond = [&](auto from, auto last) {
+  const auto beyond = [&](const auto& from, const auto& last) {
     const auto fallen = std::find_if_not(from, last, is_near);
     return std::any_of(std::max(fallen, from + std::min<ptrdiff_t>(apart, last - from)), last, is_near);
   };

@@ -234,9 +234,9 @@ JsonObject& JsonObject::number(std::string_view key, double value) {
 }
 
 JsonObject& JsonObject::raw(std::string_view key, std::string_view json) {
-  if (body_.size() > 1) body_ += ",";
+  if (body_.size() > 1) body_ += ',';
   body_ += json_string(key);
-  body_ += ":";
+  body_ += ':';
   body_ += json;
   return *this;
 }

@@ -3,13 +3,14 @@
 
 #include <ostream>
 #include <tuple>
+#include <utility>
 
 namespace endosdk {
 
 template <typename... Parts>
 class Text {
  public:
-  explicit Text(Parts... parts) : parts_(parts...) {}
+  explicit Text(Parts... parts) : parts_(std::move(parts)...) {}
 
   friend std::ostream& operator<<(std::ostream& out, const Text& text) {
     std::apply([&](const auto&... part) { (out << ... << part); }, text.parts_);
