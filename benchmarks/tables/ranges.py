@@ -15,9 +15,9 @@ from endosdk.training.model_file import properties_of
 WIDEST_UNRESIZED = 960  # px; wider frames are resized for a model that states no inference width
 # Focal length over frame width and baseline in mm of three published rigs.
 RIGS = {
-    "a da Vinci (f/w 0.96, 4.1 mm)": (0.96, 4.1),
-    "a 3-D laparoscope (f/w 1.05, 4.8 mm)": (1.05, 4.8),
-    "the paper's rig (f/w 0.42, 10 mm)": (0.42, 10.0),
+    "a da Vinci (focal length / width 0.96, baseline 4.1 mm)": (0.96, 4.1),
+    "a 3-D laparoscope (1.05, 4.8 mm)": (1.05, 4.8),
+    "the rig of Wang et al. (0.42, 10 mm)": (0.42, 10.0),
 }
 
 

@@ -142,7 +142,7 @@ class ModelHashMismatch(EndoError, ValueError):
 
 
 class RuntimeMissing(EndoError, ImportError):
-    """No onnxruntime is installed. Install ONNX Runtime: `pip install "endosdk[cpu]"`."""
+    """No onnxruntime is installed. Run the command that the error names."""
 
     code = ErrorCode.RUNTIME_MISSING
 

@@ -35,7 +35,7 @@ NOT_RUN = {
     "pip install ": INSTALLS,
     "apt-get ": "needs the rights of an administrator; scripts/test_bare_root.py follows the pages",
     ". .venv/bin/activate": "needs what make demo installed; tests/documents/test_quick_start.py follows the page",
-    "pre-commit install": "changes the hooks of the repository",
+    ".venv/bin/pre-commit install": "changes the hooks of the repository",
     "sudo chrt ": "needs the rights of an administrator",
     "mkdir /opt/endosdk": BARE_ROOT,
     "tar -xf endosdk-": BARE_ROOT,
