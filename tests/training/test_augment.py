@@ -82,3 +82,17 @@ def test_a_plain_crop_is_cut_and_nothing_else():
     found = np.argwhere(windows[:, :, 0, 0] == drawn.disparity[0, 0])
     assert any(np.array_equal(windows[y, x], drawn.disparity) for y, x in found)
     assert matching(drawn)[0] < 3.0
+
+
+def test_a_crop_as_wide_as_the_picture_is_stretched_no_more_than_others(monkeypatch):
+    same = {"_colours": lambda left, right, *_: (left, right), "_sensor": lambda view, *_: view}
+    for name, replacement in (same | {"looks.misaligned": lambda view, *_, **__: view}).items():
+        monkeypatch.setattr(f"endosdk.training.augment.{name}", replacement)
+    rows = np.broadcast_to(np.arange(360, dtype=np.uint16)[:, None, None] // 2, (360, 480, 3)).astype(np.uint8)
+    picture = Pair(rows, rows, np.full((360, 480), 10.0, np.float32))
+    for seed in range(60):
+        drawn = random_pair(picture, None, (256, 480), np.random.default_rng(seed))
+        slope = abs(float(drawn.left[-8, 0, 0]) - float(drawn.left[8, 0, 0])) * 2 / (256 - 16)
+        across, along = 1 / slope, float(np.nanmedian(drawn.disparity)) / 10.0
+        assert along >= 1.0
+        assert abs(np.log(across / along)) < 0.15 + 0.02

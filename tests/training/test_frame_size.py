@@ -59,6 +59,16 @@ def test_disparity_at_any_width_is_that_of_a_plane(width):
     np.testing.assert_allclose(found[10, 2:-2], (20.0 + 0.01 * centres[2:-2]) * 480 / width, atol=0.01)
 
 
+@pytest.mark.parametrize("width", [320, 600, 640, 720, 960, 1280])
+def test_no_pixel_of_an_edge_has_a_surface_between(width):
+    for edge in range(width // 2, width // 2 + 12):
+        truth = np.full((width * 3 // 4, width), 10.0, np.float32)
+        truth[:, edge:] = 40.0
+        truth[width // 3 :] += 60.0
+        found = np.unique(seen_truth(truth, (480, 360)) * (width / 480))
+        assert np.abs(found[:, None] - [10.0, 40.0, 70.0, 100.0]).min(axis=1).max() < 1e-3
+
+
 class Pairs:
     name, sha256 = "one", "0" * 64
 

@@ -84,3 +84,14 @@ def test_other_colours_are_the_same_in_both_views():
         assert np.array_equal(*both)
     grey = [looks.recoloured(left, right, np.random.default_rng(seed))[0] for seed in range(20)]
     assert any(np.ptp(view, axis=2).max() <= 1 for view in grey)
+
+
+def test_compression_keeps_more_of_red_than_of_blue():
+    texture = np.kron(np.random.default_rng(0).integers(60, 200, (24, 48)), np.ones((4, 4))).astype(np.uint8)
+    lost = []
+    for channel in (0, 2):
+        view = np.full((*CROP, 3), 100, np.uint8)
+        view[..., channel] = texture
+        stored, _ = looks.compressed(view, view, np.random.default_rng(1))
+        lost.append(np.abs(stored[..., channel].astype(float) - texture).mean())
+    assert lost[0] < 0.95 * lost[1]

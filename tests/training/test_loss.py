@@ -5,7 +5,6 @@ import torch
 
 from endosdk.errors import InvalidArgument
 from endosdk.training.loss import (
-    LAPLACE_SCALE,
     build_loss,
     l2_loss,
     scale_invariant_loss,
@@ -100,10 +99,15 @@ def test_unknown_loss_names_the_choices():
 CANDIDATES = torch.tensor([0.0, 4.0, 8.0, 16.0, 24.0])
 
 
+def cost_of(truths):
+    """The cost [5, N] whose distribution is that of the truths: its width is half of the gap they lie in."""
+    scales = torch.tensor([2.0 if truth <= 8.0 else 4.0 for truth in truths])
+    return (truths - CANDIDATES.view(5, 1)).abs() / scales
+
+
 def volume_of(truth):
     """The cost [1, 5, 4, 1, 1] whose distribution is the truth's own, for a truth [8, 8] with one value a cell."""
-    cells = truth[::4, ::4].reshape(4)
-    return ((cells.view(1, 4) - CANDIDATES.view(5, 1)).abs() / LAPLACE_SCALE).view(1, 5, 4, 1, 1)
+    return cost_of(truth[::4, ::4].reshape(4)).view(1, 5, 4, 1, 1)
 
 
 def test_a_volume_that_tells_the_truth_has_no_loss():
@@ -116,8 +120,8 @@ def test_a_volume_that_tells_the_truth_has_no_loss():
 def test_a_cell_across_an_edge_wants_two_peaks():
     truth = torch.full((1, 1, 8, 8), 4.0)
     truth[..., 2::4] = truth[..., 3::4] = 24.0
-    peaks = torch.softmax(-(torch.tensor([4.0, 24.0]).view(2, 1) - CANDIDATES).abs() / LAPLACE_SCALE, dim=1)
-    both, between = -torch.log(peaks.mean(dim=0)), (14.0 - CANDIDATES).abs() / LAPLACE_SCALE
+    peaks = torch.softmax(-cost_of(torch.tensor([4.0, 24.0])), dim=0)
+    both, between = -torch.log(peaks.mean(dim=1)), cost_of(torch.tensor([14.0]))
     losses = [
         volume_cross_entropy(cost.view(1, 5, 1, 1, 1).expand(1, 5, 4, 1, 1), truth, everywhere(truth), CANDIDATES)
         for cost in (both, between)

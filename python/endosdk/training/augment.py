@@ -135,6 +135,8 @@ def _crop(pair: Pair, crop: tuple[int, int], rng: Generator, scales: tuple[float
     height, width = pair.left.shape[:2]
     scale = np.exp(rng.uniform(np.log(scales[0]), np.log(scales[1])))
     stretch = np.exp(rng.uniform(-0.15, 0.15))
+    # A picture is no larger than it is. Both sides stop there together: the stretch alone says how they differ.
+    scale = max(scale, crop[1] / width, crop[0] / (height * stretch))
     source = (min(height, round(crop[0] / (scale * stretch))), min(width, round(crop[1] / scale)))
     top, left = _corner((height, width), source, rng)
     window = _window(pair, top, left, *source)

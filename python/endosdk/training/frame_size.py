@@ -60,12 +60,25 @@ def seen_truth(disparity: NDArray[np.float32], size: tuple[int, int]) -> NDArray
     height, width = disparity.shape
     if size == (width, height):
         return disparity
-    reach = np.ones((math.ceil(height / size[1]), math.ceil(width / size[0])), np.uint8)
+    (tall, top), (wide, left) = _covered(height, size[1]), _covered(width, size[0])
     known = np.nan_to_num(disparity, nan=NO_TRUTH)
-    spread = cv2.dilate(known, reach) - cv2.erode(known, reach)
+    window = np.ones((tall, wide), np.uint8)
+    spread = cv2.dilate(known, window, anchor=(0, 0)) - cv2.erode(known, window, anchor=(0, 0))
     middle = cv2.resize(disparity, size, interpolation=cv2.INTER_NEAREST_EXACT)
-    apart = cv2.resize(spread, size, interpolation=cv2.INTER_NEAREST_EXACT)
+    apart = spread[np.ix_(top, left)]
     mean = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
     one = (apart < ONE_SURFACE) & np.isfinite(middle)
     shrunk = np.where(one, mean, middle) * np.float32(size[0] / width)
     return np.asarray(shrunk, dtype=np.float32)
+
+
+def _covered(pixels: int, seen: int) -> tuple[int, NDArray[np.intp]]:
+    """Return how many pixels of a side each pixel of the new side covers at most, and the first of each.
+
+    Enlarged, the mean is that of the two pixels around.
+    """
+    ratio = pixels / seen
+    at = np.arange(seen)
+    if ratio >= 1.0:
+        return math.ceil(ratio) + (pixels % seen > 0), (at * pixels) // seen
+    return 2, np.clip(np.floor((at + 0.5) * ratio - 0.5).astype(np.intp), 0, pixels - 1)

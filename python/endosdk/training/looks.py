@@ -1,7 +1,7 @@
 """Looks that real endoscopes give a pair and clean renders do not: each a switch of the training recipe.
 
-Every function draws from the generator it is given and changes pictures [H, W, 3] alone; only `field_of_view` and
-`glare` say where a picture no longer shows the scene.
+Every function draws from the generator it is given and changes pictures [H, W, 3] alone; only `field_of_view`
+says where a picture no longer shows the scene.
 """
 
 from __future__ import annotations
@@ -108,9 +108,10 @@ def compressed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]
     views = []
     for view in (left, right):
         stored = cv2.resize(view, (times * size[0], times * size[1]), interpolation=cv2.INTER_LINEAR)
-        read = cv2.imdecode(cv2.imencode(".jpg", stored, quality)[1], cv2.IMREAD_COLOR)
+        # OpenCV stores BGR, and JPEG keeps less of red and blue than of green.
+        read = cv2.imdecode(cv2.imencode(".jpg", stored[..., ::-1], quality)[1], cv2.IMREAD_COLOR)
         assert read is not None
-        views.append(np.asarray(cv2.resize(read, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+        views.append(np.asarray(cv2.resize(read[..., ::-1], size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
     return views[0], views[1]
 
 

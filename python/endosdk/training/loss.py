@@ -16,7 +16,6 @@ from torch import Tensor
 
 from endosdk.errors import InvalidArgument
 
-LAPLACE_SCALE = 2.0  # px, of `volume_cross_entropy`: half of what lies between two candidates
 SMALLEST_DISPARITY = 0.1  # px; the logarithm is cut here, so its gradient stays below 10 per pixel
 
 
@@ -59,14 +58,17 @@ def volume_cross_entropy(cost: Tensor, truth: Tensor, mask: Tensor, candidates: 
     ``cost`` [N, D, r^2, h, w] as `Prediction.cost`; ``candidates`` [D], px. The truth of a cell is the mean of one
     Laplace law for every pixel of it, so a cell across an edge has two peaks, and the answer is asked to be one of them
     rather than a surface between (P. Xu et al., "Adaptive Multi-Modal Cross-Entropy Loss for Stereo Matching", CVPR
-    2024, in the simple form that weighs pixels alike). Two pixels in each direction stand for the cell's.
+    2024, in the simple form that weighs pixels alike). The law's scale is half of what lies between the two candidates
+    around. Two pixels in each direction stand for the cell's.
     """
     count, planes, cells, _, width = cost.shape
     cell = truth.shape[-1] // (width * math.isqrt(cells))
     inside = slice(cell // 4, None, cell // 2)
     samples, known = (F.pixel_unshuffle(part[..., inside, inside], 2) for part in (truth, mask.to(cost)))
     samples = torch.where(known > 0, samples, 0.0)
-    law = torch.softmax(-(samples.unsqueeze(2) - candidates.view(-1, 1, 1)).abs() / LAPLACE_SCALE, dim=2)
+    gaps = candidates[1:] - candidates[:-1]
+    scales = gaps[torch.bucketize(samples, candidates[1:-1])] / 2.0
+    law = torch.softmax(-(samples.unsqueeze(2) - candidates.view(-1, 1, 1)).abs() / scales.unsqueeze(2), dim=2)
     pixels = known.sum(dim=1)
     wanted = (law * known.unsqueeze(2)).sum(dim=1) / pixels.clamp_min(1.0).unsqueeze(1)
     side = math.isqrt(cells)
