@@ -126,7 +126,8 @@ def inherited(source: str, given: dict[str, Any]) -> dict[str, Any]:
     """Return the settings that a run from the weights ``source`` takes over, without those that are ``given``.
 
     They are the recipe that made the weights (`INHERITED`), at the rates of its last third: they have learned, and
-    higher rates would undo some of it. A crop comes along where frames are seen at the same width.
+    higher rates would undo some of it. A run without steps has taken these over already. A crop comes along where
+    frames are seen at the same width.
     """
     past = load(starting_point(source)).config
     plain = past.as_dict()
@@ -134,7 +135,7 @@ def inherited(source: str, given: dict[str, Any]) -> dict[str, Any]:
     if any(given.get(name, plain[name]) != plain[name] for name in ("network", "inference_width")):
         settings.pop("crop", None)
     if "rate" not in given:
-        settings["rate"] = past.rate_after(DONE)
+        settings["rate"] = past.rate_after(DONE) if past.steps else past.rate
     if "final_rate" not in given:
         settings["final_rate"] = min(past.final_rate, given.get("rate", past.final_rate))
     return settings

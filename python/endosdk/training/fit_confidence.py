@@ -10,9 +10,9 @@ from torch import Tensor
 
 from endosdk.datasets.dataset import DatasetReader
 from endosdk.errors import InvalidArgument
-from endosdk.training.data import Crops
+from endosdk.training.data import Crops, has_truth
 from endosdk.training.networks.base import StereoNetwork
-from endosdk.training.survey import answered_crops
+from endosdk.training.survey import LARGEST_ERROR, answered_crops
 from endosdk.training.validation import predict_frames
 
 PIXELS_PER_FRAME = 20_000
@@ -90,9 +90,11 @@ def _evidence_and_error(
     evidence, error = [], []
     for frame in predict_frames(network, reader, indices, title="confidence"):
         truth = frame.sample.disparity
-        known = np.flatnonzero(np.isfinite(truth))
+        # Beyond the range the deployed network gives no answer.
+        known = np.flatnonzero(has_truth(torch.from_numpy(truth / frame.reduction), network.max_disparity))
         chosen = rng.choice(known, size=min(PIXELS_PER_FRAME, len(known)), replace=False)
         evidence.append(frame.columns.flatten(1)[:, chosen].T)
         # In pixels that the network saw: what the confidence promises is an error on its own grid.
-        error.append(torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen] / frame.reduction))
+        off = torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen] / frame.reduction)
+        error.append(off.clamp(-LARGEST_ERROR, LARGEST_ERROR))
     return torch.cat(evidence), torch.cat(error)

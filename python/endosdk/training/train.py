@@ -176,6 +176,7 @@ class Run:
         self.history, self.origin = saved.state["history"], saved.state["init"]
         self.finished = saved.state.get("finished", False)
         self._compare_precision(saved.state.get("precision"))
+        self._compare_processes(saved.state.get("processes"))
         return saved.optimiser
 
     def _check_start(self) -> None:
@@ -212,6 +213,11 @@ class Run:
             message = "this run has computed in %s and goes on in %s here; precision %s keeps what it had"
             LOG.warning(message, before, self.precision, before)
 
+    def _compare_processes(self, before: int | None) -> None:
+        if before is not None and before != self.world:
+            message = "this run has drawn its crops for %d processes and goes on with %d: crops are drawn anew"
+            LOG.warning(message, before, self.world)
+
     def _count_beyond_range(self) -> float:
         """Share of the truth, in pairs spread over those trained on, that no plane of the network reaches.
 
@@ -239,6 +245,8 @@ class Run:
         self.finished = False
         turn = min(max(self.config.refine_from_step, 0), self.config.steps)
         with progress(total=self.config.steps, done=self.step, unit="step", shown=self.rank == 0) as bar:
+            if self._is_measured(self.step) and all(entry["step"] != self.step for entry in self.history):
+                self._validate(self.step > turn, bar)  # the run was stopped meanwhile
             for first, last, refined in ((0, turn, False), (turn, self.config.steps, True)):
                 if max(first, self.step) < last:
                     self._fit_stage(last, refined, bar)
@@ -247,7 +255,8 @@ class Run:
         for name, parameter in self.network.named_parameters():
             in_refinement = name.startswith("refinement.")
             learns = in_refinement if self.config.refine_only else refined or not in_refinement
-            parameter.requires_grad_(learns and not name.startswith("confidence."))  # that is fitted at the end
+            # The confidence is fitted at the end.
+            parameter.requires_grad_(learns and not name.startswith(("confidence.", *self.network.given_parts)))
         model: nn.Module = self.network
         if self.world > 1:
             model = DistributedDataParallel(self.network)
@@ -266,11 +275,14 @@ class Run:
                 done = self.step == last
                 if self.step % self.config.log_every == 0 or done:
                     self._log(report, bar)
-            if self.step % self.config.validate_every == 0 or done:
+            if self._is_measured(self.step) or done:
                 self._validate(refined, bar)
             if time.monotonic() - saved_at > 60.0 * self.config.checkpoint_minutes or done:
                 self.save()
                 saved_at = time.monotonic()
+
+    def _is_measured(self, step: int) -> bool:
+        return step > 0 and (step % self.config.validate_every == 0 or step == self.config.steps)
 
     def _train_step(self, model: nn.Module, batch: list[Tensor], refined: bool) -> dict[str, Tensor]:
         # Bytes travel to the device; they become floats there.
@@ -360,6 +372,7 @@ class Run:
                 "history": self.history,
                 "dataset": self._dataset_note(),
                 "precision": self.precision,
+                "processes": self.world,
                 "refine_margin": self.network.refine_margin,
                 "init": self.origin,
                 "changes": self.changes,

@@ -80,6 +80,7 @@ class StereoNetwork(nn.Module, ABC):
     # Height and width of a training crop, px: wide, so that the band without a match on the left stays small.
     default_crop: tuple[int, int] = (256, 512)
     confidence: ConfidenceHead
+    given_parts: tuple[str, ...] = ()  # beginnings of the names of weights that never learn here
     _deployed_stride: int | None = None  # where `deploy_at` asked for another one than the network's own
 
     @property

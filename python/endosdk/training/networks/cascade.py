@@ -58,6 +58,7 @@ class Cascade(StereoNetwork):
     output_stride = STRIDE
     inference_width = 960
     default_crop = (256, 512)
+    given_parts = (FIRST,)
 
     def __init__(
         self, max_disparity: int = 256, *, dense_disparity: int | None = None, mode_reach: int | None = None
