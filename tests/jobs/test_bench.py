@@ -187,7 +187,7 @@ def test_rates_are_of_the_frames_after_the_warm_up_on_as_many_threads_as_asked(m
 
     def start(command, **how):
         programs.append(command[2])
-        return SimpleNamespace(stdout=("[3, 100]", "[1, 300]", "[2, null]")[len(programs) - 1])
+        return SimpleNamespace(returncode=0, stdout=("[3, 100]", "[1, 300]", "[2, null]")[len(programs) - 1])
 
     monkeypatch.setattr(bench, "time", machine)
     monkeypatch.setattr(bench, "DepthEstimator", model)

@@ -14,8 +14,10 @@ import sys
 import termios
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import av
+import cv2
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -37,10 +39,11 @@ from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
 from endosdk.live.recording.video_files import VideoWriter
+from endosdk.live.sources.bag import picture_of
 from endosdk.live.sources.source import Source, SourceOptions
 from endosdk.live.sources.video_input import Piped
 from endosdk.live.viewer import Player
-from tests.conftest import TINY_MODEL
+from tests.conftest import TINY_MODEL, shifted_pair
 from tests.live.videos import side_by_side, views, write
 
 COUNT = 8
@@ -687,6 +690,44 @@ def test_numbers_go_on_over_a_picture_that_a_bag_lost(recorded, tmp_path):
     for _ in range(2):
         assert [frame.number for frame in source] == [number for number in range(COUNT) if number != 1]
         assert source.dropped == 1
+
+
+def test_a_camera_of_a_bag_may_start_later_and_end_earlier(recorded, tmp_path, monkeypatch):
+    monkeypatch.setattr("endosdk.live.sources.bag.MOST_WAITING", 2)
+    whole, late = tmp_path / "whole.mcap", tmp_path / "late"
+    main(["replay", str(recorded), "--out", str(whole)])
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with AnyReader([whole], default_typestore=store) as reader, Writer(late, version=9) as writer:
+        views = [each for each in reader.connections if each.topic.endswith("image_raw")]
+        to = {each.topic: writer.add_connection(each.topic, each.msgtype, typestore=store) for each in views}
+        rights = 0
+        for connection, stamp, data in reader.messages(views):
+            rights += "right" in connection.topic
+            if "left" in connection.topic or 4 < rights < COUNT:
+                writer.write(to[connection.topic], stamp, data)
+    source = endosdk.open_source(late)
+    assert [frame.number for frame in source] == list(range(4, COUNT - 1))
+    assert [sum("left picture" in fault for fault in source.faults), source.fault_count] == [5, 5]
+
+
+def test_compressed_pictures_of_16_bits_are_refused():
+    packed = cv2.imencode(".png", np.full((8, 8), 900, np.uint16))[1].tobytes()
+    message = SimpleNamespace(format="mono16; png compressed", data=packed)
+    with pytest.raises(InvalidArgument, match="8 bits a channel; got 16 bits"):
+        picture_of(message, "/left")
+
+
+def test_a_recording_that_goes_on_keeps_its_size(tmp_path):
+    model = DepthEstimator(str(TINY_MODEL), threads=1)
+    for side, pictures in (("left", 0), ("right", 1)):
+        (tmp_path / side).mkdir()
+        for number in range(4):
+            height = 64 if number < 2 else 80
+            cv2.imwrite(str(tmp_path / side / f"{number}.png"), shifted_pair(height, 96, 4)[pictures])
+    for _ in range(2):  # the first run ends where the size changes, the second would begin there
+        with pytest.raises(InvalidArgument, match="size|96"):
+            record(endosdk.open_source(f"{tmp_path / 'left'},{tmp_path / 'right'}"), model, tmp_path / "r")
+    assert [frame.left.shape[0] for frame in Recording(tmp_path / "r")] == [64, 64]
 
 
 def test_a_bag_may_hold_two_connections_to_a_topic(recorded, tmp_path):

@@ -24,7 +24,7 @@ from endosdk.live.frames import Frame
 from endosdk.live.sources.decoder import Decoded
 from endosdk.live.sources.newest import Newest
 from endosdk.live.sources.source import Source, SourceOptions
-from endosdk.live.sources.v4l2 import Device, lost_between, simultaneous
+from endosdk.live.sources.v4l2 import INTERVALS, Device, Missing, simultaneous
 from endosdk.live.sources.video_input import Piped
 from endosdk.live.sources.views import split, ways_to_split
 from tests.conftest import TINY_MODEL, noisy, shifted_pair, textured_picture
@@ -675,7 +675,17 @@ def test_a_camera_that_stays_away_ends_the_source(tmp_path):
 
 
 def test_numbers_go_on_over_frames_that_the_driver_lost():
-    assert [lost_between(None, 5, 40), lost_between(0, 41, 40), lost_between(0, 121, 40)] == [0, 0, 2]
+    missing = Missing(40)
+    assert [missing.before(stamp) for stamp in (5, 46, 166, 205)] == [0, 0, 2, 0]
+
+
+def test_a_camera_that_slows_down_has_lost_no_frames():
+    missing = Missing(40)
+    fast, slow = range(0, 400, 40), range(440, 2000, 80)
+    assert sum(missing.before(stamp) for stamp in fast) == 0
+    assert sum(missing.before(stamp) for stamp in slow) <= INTERVALS
+    assert sum(missing.before(stamp) for stamp in range(2040, 4000, 80)) == 0
+    assert missing.before(3960 + 240) == 2
 
 
 def test_two_cameras_are_paired_by_time():

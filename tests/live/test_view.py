@@ -27,7 +27,7 @@ from endosdk.io.pictures import read_frame
 from endosdk.live.frames import Frame
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
-from endosdk.live.sources.source import SourceOptions
+from endosdk.live.sources.source import Source, SourceOptions
 from endosdk.live.sources.video_input import Piped
 from endosdk.live.viewer import Player, Server
 from endosdk.live.viewer.message import encoded
@@ -130,6 +130,87 @@ def test_the_player_pauses_steps_restarts_and_records(tmp_path):
     until(lambda: player.ended and player.latest.turn == turn + 12)
     player.close()
     assert recorded_numbers(tmp_path / "again") == [0, 1, 2, 3, 4, 5]
+
+
+class Camera(Source):
+    """A live source that counts what is drawn of it. ``away`` lets it stand still after two frames."""
+
+    live = True
+    clock = "wall"
+
+    def __init__(self, away=None):
+        super().__init__("camera")
+        self.drawn = 0
+        self._away = away
+
+    def _read(self, start):
+        for number in range(1000):
+            if number == 2 and self._away is not None:
+                self._away.wait(20)
+            self.drawn += 1
+            yield Frame(*PAIRS[number % len(PAIRS)], number, time.time_ns())
+
+
+def test_a_paused_camera_is_not_drawn_from_until_it_is_stepped():
+    source = Camera()
+    player = Player(DepthEstimator(str(TINY_MODEL), threads=1), source, playing=False)
+    player.start()
+    time.sleep(0.2)
+    assert source.drawn == 0
+    for steps in (1, 2):
+        player.step()
+        until(lambda: player.latest is not None and player.latest.turn == steps)  # noqa: B023
+        time.sleep(0.1)
+        assert source.drawn == steps
+    player.close()
+
+
+def test_a_pause_before_the_time_of_a_frame_holds_it_and_a_step_shows_it(tmp_path):
+    pictures = side_by_side(PAIRS)[:2]
+    source = endosdk.open_source(write(tmp_path / "v.mkv", pictures, stamps=[0, 25]))
+    player = Player(DepthEstimator(str(TINY_MODEL), threads=1), source)
+    player.start()
+    until(lambda: player.latest is not None)
+    player.pause()
+    time.sleep(1.3)
+    assert player.latest.frame.number == 0
+    player.step()
+    until(lambda: player.latest.frame.number == 1)
+    player.close()
+
+
+def test_the_page_is_told_that_a_source_stands_still():
+    away = threading.Event()
+    player = Player(DepthEstimator(str(TINY_MODEL), threads=1), Camera(away))
+    server = Server(player)
+    player.start()
+    until(lambda: player.latest is not None and player.latest.frame.number == 1)
+    assert server._state()["silent_s"] == 0
+    until(lambda: server._state()["silent_s"] >= 2)
+    player.pause()
+    assert server._state()["silent_s"] == 0
+    away.set()
+    server.close()
+    player.close()
+
+
+def test_a_recording_that_the_page_ends_early_does_not_claim_the_whole_source(tmp_path):
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS))
+    estimator = DepthEstimator(str(TINY_MODEL), threads=1)
+    player = Player(estimator, endosdk.open_source(video), playing=False)
+    player.start()
+    for out, rest in (("part", False), ("rest", True)):
+        player.record(tmp_path / out)
+        player.step()
+        until(lambda: player.latest is not None and player.latest.turn >= 1)
+        if rest:
+            player.play()
+            until(lambda: player.ended)
+        else:
+            until(lambda: player._recorder.begun)
+        player.record(None)
+        assert json.loads((tmp_path / out / "recording.json").read_text())["source_ended"] is rest
+    player.close()
 
 
 def test_a_pipe_cannot_begin_again_and_goes_on(tmp_path):

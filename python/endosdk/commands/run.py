@@ -63,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
         report.line(f"dropped    {summary['dropped']}")
     for fault in summary["faults"][:10]:
         report.line(f"FAULT      {fault}")
+    if len(summary["faults"]) > 10:
+        report.line(f"FAULT      and {len(summary['faults']) - 10} more")
     report.line(f"written    {args.out}")
     return report.end(usable=bool(set(summary["status"]) - {"INVALID"}))
 

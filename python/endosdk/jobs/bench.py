@@ -232,9 +232,18 @@ def _fresh_process(settings: BenchSettings, rig: StereoCalibration) -> tuple[flo
         file = Path(folder) / "rig.json"
         rig.save(file)
         command = [sys.executable, "-c", program, settings.model, settings.provider, str(file)]
-        runs = [json.loads(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3)]
+        runs = [json.loads(_said(command)) for _ in range(3)]
     memories = [memory for _, memory in runs if memory is not None]
     return sorted(seconds for seconds, _ in runs)[1], max(memories, default=None)
+
+
+def _said(command: list[str]) -> str:
+    """Return what a program prints. Raises InferenceFailed with its last words where it fails."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or ["nothing"])[-1]
+        raise InferenceFailed("bench", "a new process must open the model and answer", last)
+    return done.stdout
 
 
 class _Sgbm:

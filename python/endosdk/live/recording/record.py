@@ -108,7 +108,7 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
         except KeyboardInterrupt:
             if not (source.once and recorder.begun):
                 raise
-        ended = left is None or done < left or most == source.count
+        ended = left is None or done < left
     recorder.close(source_ended=ended)
 
 

@@ -25,7 +25,7 @@ from endosdk.live.recording.result_line import said_of
 from endosdk.live.recording.sixteen_bits import STEPS, quantity_of, to_levels
 from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
 from endosdk.live.recording.video_files import VideoWriter, join
-from endosdk.live.sources.source import DEFAULT_RATE, Source
+from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.overview import preview, robust_range
 from endosdk.runtime.result import DepthResult
@@ -129,13 +129,17 @@ class Recorder:
         if self._record["begun_ns"] is None:
             _, _, values = quantity_of(result)
             self._record["begun_ns"] = frame.stamp_ns
+            self._record["size"] = _size_of(frame)
             self._record["preview_range"] = robust_range(np.where(result.reasons == 0, values, np.nan))
             self._save()
+        # Parts of two sizes would be one file whose header is right for the first alone. Earlier records say none.
+        if self._record.get("size", _size_of(frame)) != _size_of(frame):
+            raise InvalidArgument("source", f"must keep its size, {self._record['size']}", _size_of(frame))
         self._part = ExitStack()
         folder = self._part.enter_context(whole_folder(self.out / PARTS / f"{self._count:06d}", self.out))
         kinds = ["depth", "preview", *(["pair"] if self._pictures else [])]
         self._folder = folder
-        self._writers = {kind: VideoWriter(folder / f"{kind}.mkv", kind, DEFAULT_RATE) for kind in kinds}
+        self._writers = {kind: VideoWriter(folder / f"{kind}.mkv", kind) for kind in kinds}
         self._lines = []
 
     def _write(self, frame: Frame, result: DepthResult) -> None:
@@ -184,6 +188,11 @@ class Recorder:
 
     def _save(self) -> None:
         write_text(self.out / RECORD, json.dumps(self._record, indent=1) + "\n", "out")
+
+
+def _size_of(frame: Frame) -> list[int]:
+    """Return width and height of a view."""
+    return [frame.left.shape[1], frame.left.shape[0]]
 
 
 def settings_of(estimator: DepthEstimator, source: Source, pictures: bool, temporal: bool) -> dict[str, Any]:

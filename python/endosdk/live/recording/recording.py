@@ -73,7 +73,10 @@ class Recording(Source):
 
     def frames(self, start: int = 0, *, after_ns: int | None = None) -> Iterator[Frame]:
         """Yield the frames whose number is ``start`` or more, with stamps and faults exactly as they were recorded."""
+        self.dropped, last = 0, None
         for frame in self._read(start):
+            self.dropped += 0 if last is None else frame.number - last - 1
+            last = frame.number
             yield self._as_asked(frame)
 
     def _read(self, start: int) -> Iterator[Frame]:

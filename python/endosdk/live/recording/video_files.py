@@ -11,7 +11,9 @@ import numpy.typing as npt
 
 from endosdk.errors import StorageFailed
 from endosdk.live.sources.decoder import load_av
+from endosdk.live.sources.source import DEFAULT_RATE
 
+RATE = Fraction(DEFAULT_RATE)  # that a file states; the time of each picture is its own
 MILLISECONDS = Fraction(1, 1000)  # the clock of Matroska files
 # FFV1: every frame by itself, in four slices with check sums, so that one bad byte costs one slice.
 LOSSLESS = {"level": "3", "g": "1", "slices": "4", "slicecrc": "1"}
@@ -25,11 +27,10 @@ KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {  # codec, its pixels,
 class VideoWriter:
     """One video file of a kind of `KINDS`; its size is that of the first picture."""
 
-    def __init__(self, path: Path, kind: str, rate: float) -> None:
+    def __init__(self, path: Path, kind: str) -> None:
         self._av = load_av()
         self._path = path
         self._codec, self._pixels, self._format, self._options = KINDS[kind]
-        self._rate = Fraction(rate).limit_denominator(1001)
         self._stream: Any = None
         self._last = -1
         try:
@@ -40,7 +41,7 @@ class VideoWriter:
     def add(self, picture: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], stamp_ns: int) -> None:
         """Append a picture at a time after the one before, ns."""
         if self._stream is None:
-            self._stream = self._file.add_stream(self._codec, rate=self._rate, options=self._options)
+            self._stream = self._file.add_stream(self._codec, rate=RATE, options=self._options)
             self._stream.height, self._stream.width = picture.shape[:2]
             self._stream.pix_fmt = self._pixels
             self._stream.codec_context.time_base = MILLISECONDS

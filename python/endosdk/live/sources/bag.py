@@ -78,6 +78,11 @@ class Bag(Source):
                         left, right = pair
                         yield Frame(left[1], right[1], number, left[0])
                     number += 1
+            for side, alone in zip(("left", "right"), waiting, strict=True):
+                for at, _ in alone:
+                    self._pass_over(side, at)
+            if not number:
+                raise SourceFailed("source", "both topics must hold pictures of one time", self.word)
 
     def _pictures(self, reader: Any) -> Iterator[tuple[str, int, Picture]]:
         """Yield the topic of every picture, when it was taken, ns, and the picture."""
@@ -103,10 +108,15 @@ class Bag(Source):
                 yield left.popleft(), right.popleft()
             else:
                 at, _ = (left if apart < 0 else right).popleft()
-                self.note(f"the {'left' if apart < 0 else 'right'} picture of {at} ns has no partner")
+                self._pass_over("left" if apart < 0 else "right", at)
                 yield None
-        if max(len(left), len(right)) > MOST_WAITING:
-            raise SourceFailed("source", "both topics must go on", f"{MOST_WAITING} pictures of one side alone")
+        for side, alone in (("left", left), ("right", right)):
+            if len(alone) > MOST_WAITING:  # as where one camera starts after the other
+                self._pass_over(side, alone.popleft()[0])
+                yield None
+
+    def _pass_over(self, side: str, at: int) -> None:
+        self.note(f"the {side} picture of {at} ns has no partner")
 
 
 def picture_of(message: Any, topic: str) -> Picture:
@@ -125,7 +135,10 @@ def picture_of(message: Any, topic: str) -> Picture:
 def _decoded(content: Picture) -> Picture:
     import cv2
 
-    return np.asarray(cv2.cvtColor(decode_picture(content.tobytes(), "IMREAD_COLOR"), cv2.COLOR_BGR2RGB), np.uint8)
+    picture = decode_picture(content.tobytes(), "IMREAD_COLOR|IMREAD_ANYDEPTH")
+    if picture.dtype != np.uint8:
+        raise InvalidArgument("source", "pictures must have 8 bits a channel", f"{8 * picture.itemsize} bits")
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def _unpacked(message: Any, pixels: Picture) -> Picture:

@@ -89,7 +89,6 @@ class Decoder:
         scan: Scan = "auto",
         container: str | None = None,
         options: Mapping[str, str] | None = None,
-        stream: int = 0,
     ) -> None:
         self._av = load_av()
         self._name = name
@@ -105,14 +104,15 @@ class Decoder:
             rule = "must be a video that FFmpeg can read"
             raise SourceFailed("source", rule, f"{name}: {reason_of(error)}") from error
         self._check()
-        if len(self._container.streams.video) <= stream:
+        if not self._container.streams.video:
             self.close()
             raise SourceFailed("source", "must hold a video stream", name)
-        self._stream = self._container.streams.video[stream]
+        self._stream = self._container.streams.video[0]
         self._stream.thread_type = "AUTO"
         self._graph: av.filter.Graph | None = None
         self._size: tuple[int, int] | None = None
         self._end_of_whole: int | None = None
+        self.last_ns = 0  # of the latest picture
 
     @property
     def rate(self) -> float:
@@ -159,6 +159,7 @@ class Decoder:
                 raise SourceFailed("source", f"must keep its size, {self._size}", f"{size} from frame {number} on")
             self._size = size
             stamp = stamp_of(number, self.rate) if frame.pts is None else round(frame.pts * frame.time_base * 10**9)
+            self.last_ns = stamp
             picture = np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
             if frame.is_corrupt:
                 self._note(f"picture {number}: {DAMAGED}")
@@ -174,6 +175,7 @@ class Decoder:
         """Return the frames of the next packet; None at the end."""
         with self._reading:
             if self._over:
+                self._container.close()  # `close` came while the packet before was decoded
                 return None
             try:
                 packet = next(packets, None)

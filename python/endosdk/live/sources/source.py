@@ -21,7 +21,7 @@ Scan = Literal["auto", "interlaced", "progressive"]
 Clock = Literal["medium", "wall", "counted"]
 
 DEFAULT_RATE = 25.0
-MOST_FAULTS = 100  # that a source keeps the texts of
+MOST_FAULTS = 100  # that a source keeps the texts of, the latest
 
 log = logging.getLogger("endosdk")
 
@@ -69,8 +69,9 @@ class Source(ABC):
     as those of a camera or a pipe, ``again`` that a second reader gets frames too, ``clock`` what time stamps count
     from, ``count`` is how many frames there are by what it says itself, None where nobody knows. ``options`` says how
     it is read; ``reading`` names the `READING` that mean something for its kind, and others are refused. ``dropped``
-    counts the frames that the latest reader never got, by the gaps in their numbers. ``faults`` holds what went wrong
-    without ending the source, each also a warning of the log ``endosdk``.
+    counts the frames that the latest reader never got, by the gaps in their numbers. ``faults`` holds the latest of
+    what went wrong without ending the source, ``fault_count`` says how many there were; each is also a warning of the
+    log ``endosdk``.
     """
 
     live: bool = False
@@ -90,6 +91,7 @@ class Source(ABC):
         self._swap = options.swap
         self.dropped = 0
         self.faults: list[str] = []
+        self.fault_count = 0
         self._tagger: Callable[[Frame], Any] | None = None
 
     def __iter__(self) -> Iterator[Frame]:
@@ -141,8 +143,9 @@ class Source(ABC):
     def note(self, fault: str) -> None:
         """Keep what went wrong, and warn."""
         log.warning("%s: %s", self.word, fault)
-        if len(self.faults) < MOST_FAULTS:
-            self.faults.append(fault)
+        self.fault_count += 1
+        self.faults.append(fault)
+        del self.faults[:-MOST_FAULTS]
 
     @abstractmethod
     def _read(self, start: int) -> Iterator[Frame]:

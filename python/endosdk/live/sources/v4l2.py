@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 
 from endosdk.errors import SourceFailed
 from endosdk.live.frames import Frame
@@ -15,6 +17,7 @@ from endosdk.live.sources.video_input import framed, paired
 V4L2 = "v4l2"
 PATIENCE_S = 10.0  # how long a camera may be away before that ends the source
 RETRY_S = 0.25
+INTERVALS = 9  # between frames, of which half say what is usual
 
 
 class Device:
@@ -108,10 +111,9 @@ class Camera(Source):
         self._device = Device(self, path, options)
 
     def _read(self, start: int) -> Iterator[Frame]:
-        number, last = -1, None
+        number, missing = -1, Missing(self._device.period_ns)
         for decoded in self._device.pictures():
-            number += 1 + lost_between(last, decoded.stamp_ns, self._device.period_ns)
-            last = decoded.stamp_ns
+            number += 1 + missing.before(decoded.stamp_ns)
             if number >= start:
                 yield framed(decoded, number, self.options)
 
@@ -135,10 +137,9 @@ class TwoCameras(Source):
     def _read(self, start: int) -> Iterator[Frame]:
         period_ns = max(device.period_ns for device in self._devices)
         views = [device.pictures() for device in self._devices]
-        number, last = -1, None
+        number, missing = -1, Missing(period_ns)
         for left, right in simultaneous(views[0], views[1], period_ns / 2):
-            number += 1 + lost_between(last, left.stamp_ns, period_ns)
-            last = left.stamp_ns
+            number += 1 + missing.before(left.stamp_ns)
             if number >= start:
                 yield paired(left, right, number)
 
@@ -148,9 +149,28 @@ class TwoCameras(Source):
             device.close()
 
 
-def lost_between(last_ns: int | None, stamp_ns: int, period_ns: float) -> int:
-    """Return how many frames are missing between two time stamps."""
-    return 0 if last_ns is None else max(0, round((stamp_ns - last_ns) / period_ns) - 1)
+class Missing:
+    """Counts the frames that a driver lost, by their time stamps.
+
+    In little light a camera gives fewer frames than it states. So the period is the usual one of the latest frames
+    where that is longer than ``period_ns``.
+    """
+
+    def __init__(self, period_ns: float) -> None:
+        self._stated_ns = period_ns
+        self._intervals: deque[int] = deque(maxlen=INTERVALS)
+        self._last_ns: int | None = None
+
+    def before(self, stamp_ns: int) -> int:
+        """Return how many frames are missing before the one of this time."""
+        last_ns, self._last_ns = self._last_ns, stamp_ns
+        if last_ns is None:
+            return 0
+        self._intervals.append(stamp_ns - last_ns)
+        period_ns = self._stated_ns
+        if len(self._intervals) == INTERVALS:
+            period_ns = max(period_ns, median(self._intervals))
+        return max(0, round((stamp_ns - last_ns) / period_ns) - 1)
 
 
 def simultaneous(

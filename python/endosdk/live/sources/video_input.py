@@ -41,13 +41,17 @@ class VideoFile(Source):
                 last = decoded.stamp_ns
                 if number >= start:  # frames before it are decoded all the same: seeking is not exact in every file
                     yield framed(decoded, number, self.options)
-            short = self.count is not None and number + 1 < self.count
-            if decoder.end_ns is not None and decoder.end_ns - last > FRAMES_AT_THE_END * 1e9 / decoder.rate:
-                short = True
-            if short:
+            if ends_early(decoder, number + 1, last):
                 self.note(f"ends after {number + 1} frames, {last / 1e9:.2f} s: earlier than the file states")
         finally:
             decoder.close()
+
+
+def ends_early(decoder: Decoder, count: int | None, last_ns: int) -> bool:
+    """Tell whether a file states more frames than ``count``, where that is known, or a later end than ``last_ns``."""
+    if count is not None and decoder.count is not None and count < decoder.count:
+        return True
+    return decoder.end_ns is not None and decoder.end_ns - last_ns > FRAMES_AT_THE_END * 1e9 / decoder.rate
 
 
 class TwoVideos(Source):
@@ -95,6 +99,8 @@ class TwoVideos(Source):
             if left is not right:  # one of them is None
                 shorter = self._paths[0 if left is None else 1]
                 self.note(f"{shorter} ends after {number} frames, the other goes on")
+            elif all(ends_early(decoder, None, decoder.last_ns) for decoder in decoders):
+                self.note(f"both end after {number} frames: earlier than the files state")
         finally:
             for decoder in decoders:
                 decoder.close()
@@ -157,6 +163,8 @@ class Piped(Source):
 
 def standard_input(options: SourceOptions) -> Source:
     """Return what comes through standard input: Y4M, or bare pixels where ``options.raw`` describes them."""
+    if sys.stdin is None:
+        raise SourceFailed("source", "standard input must be open", "none")
     # Without Python's buffer: a thread that waits in a silent pipe holds its lock, for which Python aborts at its end.
     return Piped(getattr(sys.stdin.buffer, "raw", sys.stdin.buffer), options)
 

@@ -59,6 +59,7 @@ class Player:
         self._closed = False
         self._restart = False
         self._done: deque[float] = deque(maxlen=RATE_WINDOW)  # when the latest answers came
+        self._waiting_since = time.perf_counter()  # for an answer
         self._drawn: dict[int, float] = {}  # when a frame in work was drawn; single operations, each atomic
         self._adding = threading.Lock()  # guards the recorder: none is taken away while it adds an answer
         self._recorder: Recorder | None = None
@@ -90,6 +91,13 @@ class Player:
             return None
         return str(error) if isinstance(error, EndoError) else f"{type(error).__name__}: {error}"
 
+    @property
+    def silent_s(self) -> float:
+        """How long no answer has come, s, although frames are drawn: a source that stands still shows nothing new."""
+        with self._change:
+            drawing = self._begun and self._playing and not self.ended
+            return time.perf_counter() - self._waiting_since if drawing else 0.0
+
     def play(self) -> None:
         """Go on."""
         self._set(playing=True)
@@ -119,7 +127,7 @@ class Player:
             with self._change:
                 self._restart = True
         self._set(playing=True)
-        _finish(over)
+        self._finish(over, source_ended=False)
 
     def record(self, out: Path | None) -> None:
         """Record every answer from now on into a new folder; None ends it. Raises what `Recorder` raises."""
@@ -130,7 +138,7 @@ class Player:
             recorder = Recorder(out, self.estimator, self.source, temporal=self._temporal)
         with self._adding:
             self._recorder, before = recorder, self._recorder
-        _finish(before)
+        self._finish(before, source_ended=self.ended and self.error is None)
 
     def close(self) -> None:
         """End the thread, the recording and the source."""
@@ -150,6 +158,7 @@ class Player:
         with self._change:
             self._playing = playing
             self._done.clear()  # the time of a pause is no rate
+            self._waiting_since = time.perf_counter()
             self._change.notify_all()
 
     def _play(self) -> None:
@@ -172,6 +181,7 @@ class Player:
     def _show(self, frame: Frame, result: DepthResult, turn: int) -> None:
         now = time.perf_counter()
         with self._change:
+            self._waiting_since = now
             self._done.append(now)
             span = self._done[-1] - self._done[0]
             rate = (len(self._done) - 1) / span if span > 0 else 0.0
@@ -195,24 +205,42 @@ class Player:
     def _gated(self) -> Iterator[Frame]:
         """Yield the frames of the source when it is their time."""
         started: tuple[float, int] | None = None  # clock and stamp that belong together
-        for frame in self.source:
+        frames, frame = iter(self.source), None
+        while True:
             with self._change:
                 waited = not (self._playing or self._steps)
-                self._change.wait_for(lambda: self._playing or self._steps or self._closed or self._restart)
-                if self._closed or self._restart:
+                self._change.wait_for(lambda: self._playing or self._steps or self._over)
+                if self._over:
                     return
                 stepped = self._steps > 0
                 self._steps = max(0, self._steps - 1)
+            if frame is None:  # drawn now, not before a pause: a camera's would be as old as the pause is long
+                frame = next(frames, None)
+            if frame is None:
+                return
+            with self._change:
                 if started is None or waited or stepped:
                     started = time.perf_counter(), frame.stamp_ns
                 early = started[0] + (frame.stamp_ns - started[1]) / 1e9 - time.perf_counter()
                 if not self.source.live and early > 0:
-                    self._change.wait_for(lambda: self._closed or self._restart, early)
+                    self._change.wait_for(lambda: self._over or not self._playing, early)
+                    if self._over or not self._playing:
+                        continue
             self._drawn[frame.number] = time.perf_counter()
             yield frame
+            frame = None
 
+    @property
+    def _over(self) -> bool:
+        return self._closed or self._restart
 
-def _finish(recorder: Recorder | None) -> None:
-    if recorder is not None:
-        with recorder:
-            recorder.close()
+    def _finish(self, recorder: Recorder | None, *, source_ended: bool) -> None:
+        """Complete a recording. What fails is the `error` too: whoever asked may not see what is raised."""
+        if recorder is None:
+            return
+        try:
+            with recorder:
+                recorder.close(source_ended=source_ended)
+        except EndoError as error:
+            self.error = error
+            raise

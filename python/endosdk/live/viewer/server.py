@@ -24,6 +24,7 @@ from endosdk.runtime.threads import start_thread
 HOST = "127.0.0.1"
 LARGEST_PORT = 65535
 PICTURES_PER_SECOND = 10  # that the page is sent at most: more would take time from the network
+LONG_SILENCE_S = 2.0  # without a new answer: the page says so
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 # The page loads nothing from anywhere else, and no other page may frame it or learn its address.
 HEADERS = {
@@ -125,6 +126,9 @@ class Server:
         drawn = asyncio.Event()
         drawn.set()
         talk = _Talk()
+        # In turn, and beside what is read: to complete a recording takes long.
+        wishes: asyncio.Queue[str] = asyncio.Queue()
+        obeying = asyncio.create_task(self._obey_all(socket, wishes, talk))
         sending = asyncio.create_task(self._send(socket, drawn, talk))
         stopping = asyncio.create_task(self._close_when_stopped(socket))
         sending.add_done_callback(lambda _: stopping.cancel())
@@ -135,14 +139,18 @@ class Server:
                 if message.data == "drawn":
                     drawn.set()
                 else:
-                    reply = await asyncio.to_thread(self._obey, message.data, talk)
-                    await _tell(socket, reply)
+                    wishes.put_nowait(message.data)
         finally:
+            obeying.cancel()
             sending.cancel()
             stopping.cancel()
             with suppress(asyncio.CancelledError):
                 await sending  # its error, where it had one, goes to the log of the server
         return socket
+
+    async def _obey_all(self, socket: Any, wishes: asyncio.Queue[str], talk: _Talk) -> None:
+        while True:
+            await _tell(socket, await asyncio.to_thread(self._obey, await wishes.get(), talk))
 
     async def _close_when_stopped(self, socket: Any) -> None:
         try:
@@ -178,6 +186,7 @@ class Server:
             "ended": player.ended,
             "error": player.problem,
             "recording": None if recording is None else str(recording),
+            "silent_s": int(player.silent_s) if player.silent_s >= LONG_SILENCE_S else 0,
             "dropped": player.source.dropped,
             "faults": player.source.faults[-3:],
             "count": player.source.count,

@@ -17,6 +17,7 @@ const waiting = new Map(); // id of a wish -> what to do with its answer
 
 function ask(wish, done) {
   const id = nextId++;
+  $("refused").textContent = "";
   if (done) waiting.set(id, done);
   socket.send(JSON.stringify({ ...wish, id }));
 }
@@ -36,6 +37,8 @@ function showState(state) {
   $("record").classList.toggle("on", Boolean(state.recording));
   $("record").textContent = state.recording ? "stop recording" : "record";
   const parts = [];
+  if (state.silent_s) parts.push(`no new frame for ${state.silent_s} s`);
+  document.body.classList.toggle("silent", state.silent_s > 0);
   if (state.error) parts.push(state.error);
   if (state.ended && !state.error) parts.push("the source has ended");
   if (state.recording) parts.push(`recording to ${state.recording}`);
@@ -113,7 +116,7 @@ socket.onmessage = ({ data }) => {
     $("source").textContent = message.source;
   }
   if (message.state) showState(message.state);
-  if (message.refused && !waiting.has(message.id)) tell(message.refused);
+  if (message.refused && !waiting.has(message.id)) $("refused").textContent = message.refused;
   if (waiting.has(message.id)) {
     waiting.get(message.id)(message);
     waiting.delete(message.id);
