@@ -17,8 +17,7 @@ import numpy as np
 
 from endosdk.calibration.rig import StereoCalibration
 from endosdk.live.recording.bags import type_store
-from endosdk.live.recording.messages import LEFT
-from endosdk.live.recording.messages import RIGHT, TOPICS, MessageMaker
+from endosdk.live.recording.messages import LEFT, RIGHT, TOPICS, MessageMaker
 from endosdk.live.recording.result_line import said_of
 from endosdk.live.sources.bag import MOST_APART_NS, picture_of
 from endosdk.runtime.estimator import DepthEstimator
