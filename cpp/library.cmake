@@ -41,12 +41,14 @@ add_dependencies(endosdk_objects endosdk_build_info)
 target_include_directories(endosdk_objects PUBLIC include src)
 target_include_directories(endosdk_objects SYSTEM PUBLIC ${ONNXRUNTIME_INCLUDE_DIR})
 target_link_libraries(endosdk_objects PUBLIC endosdk_core ${CMAKE_DL_LIBS} PRIVATE endosdk_flags)
+endosdk_precompile(endosdk_objects)
 # As in flags.cmake, for the one folder that need not be the project's.
 target_compile_options(endosdk_objects PRIVATE -ffile-prefix-map=${ONNXRUNTIME_INCLUDE_DIR}=onnxruntime)
 
 if(ENDOSDK_BUILD_TESTS)
   # The ABI check reads the types of the interface from here.
-  set_source_files_properties(src/library/capi.cpp src/library/capi_measure.cpp src/library/capi_stream.cpp PROPERTIES COMPILE_OPTIONS -g)
+  set_source_files_properties(src/library/capi.cpp src/library/capi_measure.cpp src/library/capi_stream.cpp
+                              PROPERTIES COMPILE_OPTIONS -g SKIP_PRECOMPILE_HEADERS ON)
 endif()
 
 if(BUILD_SHARED_LIBS)

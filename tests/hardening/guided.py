@@ -1,19 +1,22 @@
-"""One reader under a fuzzer that is led by coverage (Atheris): a program of its own, because the fuzzer ends it.
+"""Readers under a fuzzer that is led by coverage (Atheris): a program of its own, because the fuzzer ends it.
 
-    python -m tests.hardening.guided NAME FOLDER RUNS
+    echo NAME FOLDER RUNS | python -m tests.hardening.guided
 
-FOLDER holds examples and receives inputs that reach new code. Anything but an answer or a typed error ends it with a
-status that is not 0.
+Each line asks for one reader. FOLDER holds examples and receives inputs that reach new code; `LOG` in it, what the
+fuzzer says. The answer is the exit status: anything but an answer or a typed error makes it other than 0. What leads the
+fuzzer is imported and instrumented once. Each reader then has a process of its own, a copy of this one.
 """
 
 from __future__ import annotations
 
 import atexit
 import gc
+import os
 import signal
 import sys
 import types
 import warnings
+from pathlib import Path
 
 import atheris
 
@@ -21,6 +24,7 @@ from endosdk.errors import EndoError
 from tests.hardening.targets import TARGETS
 
 WATCHED = ("endosdk.", "yaml.", "json.", "xml.")  # modules whose code leads the fuzzer
+LOG = "fuzzer.log"
 
 
 def watch() -> None:
@@ -30,9 +34,11 @@ def watch() -> None:
             atheris.instrument_func(function)
 
 
-def main() -> None:
-    name, folder, runs = sys.argv[1:]
-    watch()
+def fuzz(name: str, folder: Path, runs: int) -> None:
+    """Try inputs; ends the process."""
+    log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
     target = TARGETS[name]
     warnings.simplefilter("ignore")
 
@@ -44,9 +50,20 @@ def main() -> None:
 
     # The fuzzer watches for time limits by an alarm. At the end, Python no longer has a handler for it.
     atexit.register(signal.setitimer, signal.ITIMER_REAL, 0)
-    limits = ["-timeout=20", "-rss_limit_mb=4096", "-max_len=16384", "-seed=1"]
-    atheris.Setup([sys.argv[0], folder, f"-atheris_runs={runs}", *limits], one)
+    limits = ["-timeout=20", "-rss_limit_mb=4096", "-max_len=16384", "-seed=1", f"-artifact_prefix={folder}/"]
+    atheris.Setup([sys.argv[0], str(folder / "inputs"), f"-atheris_runs={runs}", *limits], one)
     atheris.Fuzz()
+
+
+def main() -> None:
+    """Answer lines until there are no more."""
+    watch()
+    for line in sys.stdin:
+        name, folder, runs = line.rstrip("\n").split("\t")
+        child = os.fork()
+        if child == 0:
+            fuzz(name, Path(folder), int(runs))
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,29 @@
+# Headers of the standard that most sources include. They are parsed once for each target: half of the time of a build.
+# A compiler cache does not keep what is compiled with them, and saves more.
+if(CMAKE_CXX_COMPILER_LAUNCHER)
+  set(precompile_by_default OFF)
+else()
+  set(precompile_by_default ON)
+endif()
+option(ENDOSDK_PRECOMPILE "Parse the headers of the standard once for each target" ${precompile_by_default})
+
+function(endosdk_precompile target)
+  if(ENDOSDK_PRECOMPILE)
+    target_precompile_headers(
+      ${target}
+      PRIVATE
+      <algorithm>
+      <array>
+      <cmath>
+      <condition_variable>
+      <functional>
+      <limits>
+      <memory>
+      <mutex>
+      <optional>
+      <sstream>
+      <string>
+      <string_view>
+      <vector>)
+  endif()
+endfunction()
