@@ -1,10 +1,10 @@
 """Readers under a fuzzer that is led by coverage (Atheris): a program of its own, because the fuzzer ends it.
 
-    echo NAME FOLDER RUNS | python -m tests.hardening.guided
+    printf 'NAME\\tFOLDER\\tRUNS\\n' | python -m tests.hardening.guided
 
-Each line asks for one reader. FOLDER holds examples and receives inputs that reach new code; `LOG` in it, what the
-fuzzer says. The answer is the exit status: anything but an answer or a typed error makes it other than 0. What leads the
-fuzzer is imported and instrumented once. Each reader then has a process of its own, a copy of this one.
+Each line asks for one reader. FOLDER/inputs holds examples and receives inputs that reach new code, `LOG` says what
+came of them. The answer is the exit status: anything but an answer or a typed error makes it other than 0. What leads
+the fuzzer is imported and instrumented once. Each reader then has a process of its own, a copy of this one.
 """
 
 from __future__ import annotations
