@@ -117,6 +117,23 @@ def test_a_step_that_is_interrupted_is_taken_whole(stop, dataset_root, tmp_path,
     assert step == 3
 
 
+@pytest.mark.parametrize("stopped_at", [2, 4])
+def test_a_validation_that_is_interrupted_is_made_up_for(stopped_at, dataset_root, tmp_path, monkeypatch):
+    config = settings(dataset_root, steps=4, validate_every=2)
+    validate = Run._validate
+
+    def interrupted(run, *args):
+        if run.step == stopped_at:
+            raise KeyboardInterrupt
+        validate(run, *args)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Run, "_validate", interrupted)
+        train(config, tmp_path)
+    train(config, tmp_path, resume=True)
+    assert [entry["step"] for entry in checkpoint.load(tmp_path).state["history"]] == [2, 4]
+
+
 def test_a_run_that_stopped_early_is_not_exported(dataset_root, tmp_path):
     config = settings(dataset_root, steps=5)
     with pytest.raises(KeyboardInterrupt):
@@ -410,6 +427,14 @@ def test_the_precision_that_ran_is_kept_and_a_change_is_told(dataset_root, tmp_p
     other = "fp32" if ran == "bf16" else "bf16"
     train(settings(dataset_root, steps=3, precision=other, held_out=0), tmp_path, resume=True)
     assert f"has computed in {ran} and goes on in {other} here" in caplog.text
+
+
+def test_a_run_of_another_number_of_processes_is_warned_of(dataset_root, tmp_path, caplog):
+    begun = Run(settings(dataset_root, steps=2, held_out=0), tmp_path)
+    begun.world = 2
+    begun.save()
+    train(settings(dataset_root, steps=2, held_out=0), tmp_path, resume=True)
+    assert "drawn its crops for 2 processes and goes on with 1" in caplog.text
     assert checkpoint.load(tmp_path).state["precision"] == other
 
 
