@@ -427,6 +427,7 @@ def test_the_precision_that_ran_is_kept_and_a_change_is_told(dataset_root, tmp_p
     other = "fp32" if ran == "bf16" else "bf16"
     train(settings(dataset_root, steps=3, precision=other, held_out=0), tmp_path, resume=True)
     assert f"has computed in {ran} and goes on in {other} here" in caplog.text
+    assert checkpoint.load(tmp_path).state["precision"] == other
 
 
 def test_a_run_of_another_number_of_processes_is_warned_of(dataset_root, tmp_path, caplog):
@@ -435,7 +436,6 @@ def test_a_run_of_another_number_of_processes_is_warned_of(dataset_root, tmp_pat
     begun.save()
     train(settings(dataset_root, steps=2, held_out=0), tmp_path, resume=True)
     assert "drawn its crops for 2 processes and goes on with 1" in caplog.text
-    assert checkpoint.load(tmp_path).state["precision"] == other
 
 
 def test_a_run_takes_the_threads_it_is_given(dataset_root, tmp_path):
