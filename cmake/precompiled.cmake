@@ -1,11 +1,6 @@
-# Headers of the standard that most sources include. They are parsed once for each target: half of the time of a build.
-# A compiler cache does not keep what is compiled with them, and saves more.
-if(CMAKE_CXX_COMPILER_LAUNCHER)
-  set(precompile_by_default OFF)
-else()
-  set(precompile_by_default ON)
-endif()
-option(ENDOSDK_PRECOMPILE "Parse the headers of the standard once for each target" ${precompile_by_default})
+# Headers of the standard that most sources include. They are parsed once for each target: half of the time of a build
+# without optimisation. A compiler cache does not keep what is compiled with them, and saves more where it has something.
+option(ENDOSDK_PRECOMPILE "Parse the headers of the standard once for each target" OFF)
 
 function(endosdk_precompile target)
   if(ENDOSDK_PRECOMPILE)

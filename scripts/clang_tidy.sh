@@ -6,13 +6,14 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-PATH=$PWD/.venv/bin:$PATH  # of a kind with the list of checks: each version has its own
-command -v clang-tidy > /dev/null || {
+PATH=$PATH:$PWD/.venv/bin
+tidy=$PWD/.venv/bin/clang-tidy  # of a kind with the list of checks: each version has its own
+[ -x "$tidy" ] || {
   echo "static analysis is skipped: no clang-tidy (make .venv/.develop)"
   exit 77  # what lacks a tool was not run: not the same as passed
 }
 build=build/analysed
-cmake -S . -B $build -G Ninja -DENDOSDK_BUILD_EXAMPLES=ON -DENDOSDK_PRECOMPILE=OFF > /dev/null
+cmake -S . -B $build -G Ninja -DENDOSDK_BUILD_EXAMPLES=ON > /dev/null
 cmake --build $build --target endosdk_build_info > /dev/null
 if [ $# -eq 0 ]; then
   # Kernels are written in intrinsics of one processor each; every set is compared byte for byte with the plain one.
@@ -20,5 +21,5 @@ if [ $# -eq 0 ]; then
 else
   files=("$@")
 fi
-printf '%s\n' "${files[@]}" | xargs -P "${JOBS:-$(nproc)}" -n 4 clang-tidy --quiet -p $build
+printf '%s\n' "${files[@]}" | xargs -P "${JOBS:-$(nproc)}" -n 4 "$tidy" --quiet -p $build
 echo "${#files[@]} files: no finding"

@@ -586,6 +586,8 @@ def test_a_recording_that_frames_ended_is_not_taken_for_more(video, tmp_path, ca
     for few in ("0", "-3"):
         assert main([*words, "--frames", few]) == 2
         assert "frames: must be at least 1" in capsys.readouterr().err
+    assert main(["run", str(video), "--model", str(TINY_MODEL), "--out", str(tmp_path / "whole"), "--frames", "8"]) == 0
+    assert main(["run", str(video), "--model", str(TINY_MODEL), "--out", str(tmp_path / "whole")]) == 0
     for _ in range(2):
         assert main([*words, "--frames", "3"]) == 0
     assert main([*words, "--frames", "5"]) == 2
@@ -708,6 +710,22 @@ def test_a_camera_of_a_bag_may_start_later_and_end_earlier(recorded, tmp_path, m
     source = endosdk.open_source(late)
     assert [frame.number for frame in source] == list(range(4, COUNT - 1))
     assert [sum("left picture" in fault for fault in source.faults), source.fault_count] == [5, 5]
+
+
+def test_a_bag_without_a_pair_is_refused(recorded, tmp_path):
+    whole, alone = tmp_path / "whole.mcap", tmp_path / "alone"
+    main(["replay", str(recorded), "--out", str(whole)])
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with AnyReader([whole], default_typestore=store) as reader, Writer(alone, version=9) as writer:
+        views = [each for each in reader.connections if each.topic.endswith("image_raw")]
+        to = {each.topic: writer.add_connection(each.topic, each.msgtype, typestore=store) for each in views}
+        lefts = 0
+        for connection, stamp, data in reader.messages(views):
+            lefts += "left" in connection.topic
+            if ("left" in connection.topic) == (lefts < 4):  # one side, and then the other
+                writer.write(to[connection.topic], stamp, data)
+    with pytest.raises(SourceFailed, match="must hold pictures of one time"):
+        list(endosdk.open_source(alone))
 
 
 def test_compressed_pictures_of_16_bits_are_refused():

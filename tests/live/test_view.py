@@ -199,18 +199,24 @@ def test_a_recording_that_the_page_ends_early_does_not_claim_the_whole_source(tm
     estimator = DepthEstimator(str(TINY_MODEL), threads=1)
     player = Player(estimator, endosdk.open_source(video), playing=False)
     player.start()
-    for out, rest in (("part", False), ("rest", True)):
-        player.record(tmp_path / out)
-        player.step()
-        until(lambda: player.latest is not None and player.latest.turn >= 1)
-        if rest:
-            player.play()
-            until(lambda: player.ended)
-        else:
-            until(lambda: player._recorder.begun)
-        player.record(None)
-        assert json.loads((tmp_path / out / "recording.json").read_text())["source_ended"] is rest
+    player.record(tmp_path / "part")
+    player.step()
+    until(lambda: player._recorder.begun)
+    player.record(tmp_path / "rest")  # which ends the one before
+    player.play()
+    until(lambda: player.ended)
+    player.record(tmp_path / "whole")
+    player.restart()
+    until(lambda: player._recorder.begun and player.ended)
+    player.record(tmp_path / "closed")
+    player.restart()
+    player.pause()
+    player.step()
+    until(lambda: player._recorder.begun)
     player.close()
+    said = {out: (tmp_path / out / "recording.json").read_text() for out in ("part", "rest", "whole", "closed")}
+    ended = {out: json.loads(record)["source_ended"] for out, record in said.items()}
+    assert ended == {"part": False, "rest": False, "whole": True, "closed": False}
 
 
 def test_a_pipe_cannot_begin_again_and_goes_on(tmp_path):

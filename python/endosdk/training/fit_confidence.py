@@ -65,7 +65,7 @@ def fit_confidence(
         if spoilt is not None:
             more, further = _of_crops(network, spoilt, seed, len(error))
             evidence, error = torch.cat([evidence, more]), torch.cat([error, further])
-        network.confidence.weights.copy_(fit_laplace(evidence, error))
+        network.confidence.weights.copy_(fit_laplace(evidence, error.clamp(-LARGEST_ERROR, LARGEST_ERROR)))
 
 
 @torch.no_grad()
@@ -95,6 +95,5 @@ def _evidence_and_error(
         chosen = rng.choice(known, size=min(PIXELS_PER_FRAME, len(known)), replace=False)
         evidence.append(frame.columns.flatten(1)[:, chosen].T)
         # In pixels that the network saw: what the confidence promises is an error on its own grid.
-        off = torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen] / frame.reduction)
-        error.append(off.clamp(-LARGEST_ERROR, LARGEST_ERROR))
+        error.append(torch.from_numpy((frame.maps[-1] - truth).ravel()[chosen] / frame.reduction))
     return torch.cat(evidence), torch.cat(error)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import ctypes
 import os
 import platform
+import resource
+from pathlib import Path
 
 # Numbers of malloc.h and sys/mman.h; ctypes cannot read them.
 M_TRIM_THRESHOLD = -1
 M_MMAP_MAX = -4
 NEVER = -1
 MADV_HUGEPAGE = 14
+NO_OVERCOMMIT = "2"
 
 
 def keep_freed_memory() -> None:
@@ -30,8 +33,13 @@ def keep_freed_memory() -> None:
 def _ask_for_large_pages(library: ctypes.CDLL) -> None:
     """Let the heap grow in pages of 2 MiB where the system has them: a further sixth of that time.
 
-    Half of the machine's memory is asked for and freed. No page of it is touched, so it costs addresses alone.
+    Half of the machine's memory is asked for and freed. No page of it is touched, so it costs addresses alone; where
+    these are limited or counted as used, nothing is asked for.
     """
+    overcommit = Path("/proc/sys/vm/overcommit_memory")
+    counted = not overcommit.exists() or overcommit.read_text().strip() == NO_OVERCOMMIT
+    if counted or resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+        return
     page = os.sysconf("SC_PAGE_SIZE")
     size = page * os.sysconf("SC_PHYS_PAGES") // 2
     library.malloc.restype = ctypes.c_void_p
@@ -39,7 +47,7 @@ def _ask_for_large_pages(library: ctypes.CDLL) -> None:
     library.free.argtypes = [ctypes.c_void_p]
     library.madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
     block = library.malloc(size)
-    if block is None:  # a limit of the process's addresses
+    if block is None:
         return
     library.madvise(-(-block // page) * page, size - page, MADV_HUGEPAGE)  # a wish: without such pages it fails
     library.free(block)

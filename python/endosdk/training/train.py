@@ -275,14 +275,15 @@ class Run:
                 done = self.step == last
                 if self.step % self.config.log_every == 0 or done:
                     self._log(report, bar)
-            if self._is_measured(self.step) or done:
+            if self._is_measured(self.step):
                 self._validate(refined, bar)
             if time.monotonic() - saved_at > 60.0 * self.config.checkpoint_minutes or done:
                 self.save()
                 saved_at = time.monotonic()
 
     def _is_measured(self, step: int) -> bool:
-        return step > 0 and (step % self.config.validate_every == 0 or step == self.config.steps)
+        ends = self.config.refine_from_step, self.config.steps  # of the stages
+        return step > 0 and (step % self.config.validate_every == 0 or step in ends)
 
     def _train_step(self, model: nn.Module, batch: list[Tensor], refined: bool) -> dict[str, Tensor]:
         # Bytes travel to the device; they become floats there.

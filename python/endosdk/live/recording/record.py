@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from endosdk.io.bounded_read import is_there
 from endosdk.io.progress import progress
 from endosdk.io.whole_files import whole_path
 from endosdk.live.answers import answers
+from endosdk.live.frames import Frame
 from endosdk.live.recording.recorder import Recorder, lines_in
 from endosdk.live.recording.recording import TRACKS, Recording, files_of
 from endosdk.live.recording.texts import LINES, RECORD, lines_of
@@ -97,7 +99,7 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
     expected = [each - recorder.frames for each in (source.count, most) if each is not None]
     with progress(total=min(expected, default=None), unit="frame") as bar:
         start, after = recorder.next_number, recorder.last_stamp_ns
-        frames = source.frames(start, after_ns=after) if left is None or left > 0 else ()
+        frames = _Drawn(source.frames(start, after_ns=after) if left is None or left > 0 else iter(()))
         try:
             for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
                 recorder.add(frame, result)
@@ -108,8 +110,25 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
         except KeyboardInterrupt:
             if not (source.once and recorder.begun):
                 raise
-        ended = left is None or done < left
+        ended = left is None or done < left or (left > 0 and not source.once and frames.is_over(done))
     recorder.close(source_ended=ended)
+
+
+class _Drawn:
+    """Passes frames on and counts them: those that are computed ahead have been drawn already."""
+
+    def __init__(self, frames: Iterator[Frame]) -> None:
+        self._frames = frames
+        self._count = 0
+
+    def __iter__(self) -> Iterator[Frame]:
+        for frame in self._frames:
+            self._count += 1
+            yield frame
+
+    def is_over(self, done: int) -> bool:
+        """Tell whether there is no frame after so many."""
+        return self._count <= done and next(self._frames, None) is None
 
 
 def export(recording: Recording, out: Path) -> None:

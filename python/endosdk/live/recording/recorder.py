@@ -36,9 +36,9 @@ PART_FRAMES = 100
 class Recorder:
     """Takes answers one after the other. ``out`` is the folder; what was begun there with the same settings goes on.
 
-    ``pictures`` keeps the frames themselves too, lossless, so that `Recording` gives them back. ``next_number`` is the
-    number of the first frame that is missing, ``last_stamp_ns`` the stamp of the one before it. The folder is held
-    until `stop`, which ends a ``with`` block.
+    ``pictures`` keeps the frames themselves too, lossless, so that `Recording` gives them back. ``first_number`` is
+    the number of its first frame, ``next_number`` that of the first one that is missing, ``last_stamp_ns`` the stamp of
+    the one before it. The folder is held until `stop`, which ends a ``with`` block.
     Raises InvalidArgument where ``out`` holds something else or is in use by another recorder, StorageFailed.
     """
 
@@ -64,6 +64,7 @@ class Recorder:
                 (out / PARTS).mkdir(exist_ok=True)
             done = lines_in(out)
             self.next_number = done[-1]["number"] + 1 if done else 0
+            self.first_number: int | None = done[0]["number"] if done else None
             self.last_stamp_ns: int | None = done[-1]["stamp_ns"] if done else None
             self._count = 0 if self.complete else len(list((out / PARTS).iterdir()))
             self.frames = len(done)
@@ -98,6 +99,8 @@ class Recorder:
             try:
                 if not self._writers:
                     self._begin_part(frame, result)
+                if self.first_number is None:
+                    self.first_number = frame.number
                 self._write(frame, result)
                 if len(self._lines) == PART_FRAMES:
                     self._end_part()

@@ -68,12 +68,13 @@ class Bag(Source):
         return found[0]
 
     def _read(self, start: int) -> Iterator[Frame]:
-        number = 0
+        number = pairs = 0
         with self._reader() as reader:
             waiting: tuple[deque[tuple[int, Picture]], ...] = deque(), deque()
             for topic, at, picture in self._pictures(reader):
                 waiting[self._topics[topic]].append((at, picture))
                 for pair in self._together(*waiting):
+                    pairs += pair is not None
                     if pair is not None and number >= start:
                         left, right = pair
                         yield Frame(left[1], right[1], number, left[0])
@@ -81,7 +82,7 @@ class Bag(Source):
             for side, alone in zip(("left", "right"), waiting, strict=True):
                 for at, _ in alone:
                     self._pass_over(side, at)
-            if not number:
+            if not pairs:
                 raise SourceFailed("source", "both topics must hold pictures of one time", self.word)
 
     def _pictures(self, reader: Any) -> Iterator[tuple[str, int, Picture]]:

@@ -31,6 +31,11 @@ class Newest(Source):
         """Keep what went wrong, and warn."""
         self._source.note(fault)
 
+    @property
+    def fault_count(self) -> int:
+        """How much went wrong, as the source has counted."""
+        return self._source.fault_count
+
     def _read(self, start: int) -> Iterator[Frame]:
         latest = _Latest()
         thread = threading.Thread(target=self._fetch, args=(start, latest), name="endosdk-source", daemon=True)

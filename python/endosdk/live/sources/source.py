@@ -91,7 +91,7 @@ class Source(ABC):
         self._swap = options.swap
         self.dropped = 0
         self.faults: list[str] = []
-        self.fault_count = 0
+        self._fault_count = 0
         self._tagger: Callable[[Frame], Any] | None = None
 
     def __iter__(self) -> Iterator[Frame]:
@@ -143,9 +143,14 @@ class Source(ABC):
     def note(self, fault: str) -> None:
         """Keep what went wrong, and warn."""
         log.warning("%s: %s", self.word, fault)
-        self.fault_count += 1
+        self._fault_count += 1
         self.faults.append(fault)
         del self.faults[:-MOST_FAULTS]
+
+    @property
+    def fault_count(self) -> int:
+        """How much went wrong without ending the source."""
+        return self._fault_count
 
     @abstractmethod
     def _read(self, start: int) -> Iterator[Frame]:

@@ -17,7 +17,8 @@ from endosdk.live.sources.video_input import framed, paired
 V4L2 = "v4l2"
 PATIENCE_S = 10.0  # how long a camera may be away before that ends the source
 RETRY_S = 0.25
-INTERVALS = 9  # between frames, of which half say what is usual
+INTERVALS = 9  # between frames, at most, of which half say what is usual
+LEAST_INTERVALS = 3
 
 
 class Device:
@@ -153,7 +154,8 @@ class Missing:
     """Counts the frames that a driver lost, by their time stamps.
 
     In little light a camera gives fewer frames than it states. So the period is the usual one of the latest frames
-    where that is longer than ``period_ns``.
+    where that is longer than ``period_ns``. So a driver that loses every second frame looks like a slower camera, and a
+    camera that has just become slower seems to lose a few.
     """
 
     def __init__(self, period_ns: float) -> None:
@@ -168,7 +170,7 @@ class Missing:
             return 0
         self._intervals.append(stamp_ns - last_ns)
         period_ns = self._stated_ns
-        if len(self._intervals) == INTERVALS:
+        if len(self._intervals) >= LEAST_INTERVALS:
             period_ns = max(period_ns, median(self._intervals))
         return max(0, round((stamp_ns - last_ns) / period_ns) - 1)
 

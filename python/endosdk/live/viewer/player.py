@@ -69,6 +69,7 @@ class Player:
         """Begin, if that was not done before."""
         with self._change:
             if not self._begun:
+                self._waiting_since = time.perf_counter()
                 start_thread(self._thread)
                 self._begun = True
 
@@ -138,7 +139,8 @@ class Player:
             recorder = Recorder(out, self.estimator, self.source, temporal=self._temporal)
         with self._adding:
             self._recorder, before = recorder, self._recorder
-        self._finish(before, source_ended=self.ended and self.error is None)
+        whole = before is not None and before.first_number == 0 and self.ended and self.error is None
+        self._finish(before, source_ended=whole)
 
     def close(self) -> None:
         """End the thread, the recording and the source."""
@@ -174,7 +176,7 @@ class Player:
             except Exception as error:  # listeners and taggers are the user's, and may raise anything
                 log.exception("the player ends")
                 self.error = error
-            self.ended = True
+            self.ended = not self._closed  # a player that is closed has not seen the end
             with self._change:
                 self._change.wait_for(lambda: self._restart or self._closed)
 
@@ -214,7 +216,7 @@ class Player:
                     return
                 stepped = self._steps > 0
                 self._steps = max(0, self._steps - 1)
-            if frame is None:  # drawn now, not before a pause: a camera's would be as old as the pause is long
+            if frame is None:  # drawn now, not before a pause: the newest of a camera would be as old as the pause
                 frame = next(frames, None)
             if frame is None:
                 return

@@ -14,6 +14,7 @@ from typing import Any
 
 from endosdk.errors import DependencyMissing, EndoError, InvalidArgument
 from endosdk.io.extras import must_install
+from endosdk.live.sources.source import log
 from endosdk.live.viewer.measuring import measured
 from endosdk.live.viewer.message import encoded
 from endosdk.live.viewer.palette import legend
@@ -127,7 +128,7 @@ class Server:
         drawn.set()
         talk = _Talk()
         # In turn, and beside what is read: to complete a recording takes long.
-        wishes: asyncio.Queue[str] = asyncio.Queue()
+        wishes: asyncio.Queue[str | None] = asyncio.Queue()
         obeying = asyncio.create_task(self._obey_all(socket, wishes, talk))
         sending = asyncio.create_task(self._send(socket, drawn, talk))
         stopping = asyncio.create_task(self._close_when_stopped(socket))
@@ -138,19 +139,27 @@ class Server:
                     continue
                 if message.data == "drawn":
                     drawn.set()
+                elif '"measure"' in message.data:  # of the picture that the page shows now
+                    await _tell(socket, await asyncio.to_thread(self._obey, message.data, talk))
                 else:
                     wishes.put_nowait(message.data)
         finally:
-            obeying.cancel()
+            wishes.put_nowait(None)
+            await asyncio.wait([obeying])
             sending.cancel()
             stopping.cancel()
             with suppress(asyncio.CancelledError):
                 await sending  # its error, where it had one, goes to the log of the server
         return socket
 
-    async def _obey_all(self, socket: Any, wishes: asyncio.Queue[str], talk: _Talk) -> None:
-        while True:
-            await _tell(socket, await asyncio.to_thread(self._obey, await wishes.get(), talk))
+    async def _obey_all(self, socket: Any, wishes: asyncio.Queue[str | None], talk: _Talk) -> None:
+        """Do what the buttons ask for, up to None. Where that fails, the page is closed: its buttons would be dead."""
+        try:
+            while (wish := await wishes.get()) is not None:
+                await _tell(socket, await asyncio.to_thread(self._obey, wish, talk))
+        except Exception:
+            log.exception("the page is closed")
+            await socket.close()
 
     async def _close_when_stopped(self, socket: Any) -> None:
         try:
@@ -164,7 +173,7 @@ class Server:
             await asyncio.sleep(1 / PICTURES_PER_SECOND)
             await drawn.wait()
             shown, state = self._player.latest, self._state()
-            if shown is None or (talk.shown is shown and state == last):
+            if shown is None or talk.shown is shown:
                 if state != last:
                     await _tell(socket, {"state": state})
                     last = state

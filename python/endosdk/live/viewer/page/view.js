@@ -17,7 +17,7 @@ const waiting = new Map(); // id of a wish -> what to do with its answer
 
 function ask(wish, done) {
   const id = nextId++;
-  $("refused").textContent = "";
+  if (wish.do !== "measure") $("refused").textContent = ""; // marks ask again with every picture
   if (done) waiting.set(id, done);
   socket.send(JSON.stringify({ ...wish, id }));
 }
