@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from endosdk import Cause, DepthResult, Status
 from endosdk.datasets.dataset import Sample
+from endosdk.io.jpeg import as_jpeg
 from endosdk.simulation.faults.field import Field, Label, darken_outside, inside, write_label
 from endosdk.simulation.faults.rows import Rows, move_view
-from endosdk.simulation.sensor import as_jpeg
 
 Picture = NDArray[np.uint8]
 Spoil = Callable[[Sample, np.random.Generator], Sample]

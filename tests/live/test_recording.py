@@ -676,19 +676,25 @@ def test_bags_are_sources(recorded, tmp_path, ending):
     assert math.isclose(frames[3].stamp_ns, 160_000_000)
 
 
-def test_numbers_go_on_over_a_picture_that_a_bag_lost(recorded, tmp_path):
-    whole, lossy = tmp_path / "whole.mcap", tmp_path / "lossy"
+def bag_of(recorded, folder, keeps):
+    """Write a bag of those pictures of a recording for which ``keeps`` a side, and the number on that side."""
+    whole, out = folder / "whole.mcap", folder / "part"
     main(["replay", str(recorded), "--out", str(whole)])
     store = get_typestore(Stores.ROS2_HUMBLE)
-    with AnyReader([whole], default_typestore=store) as reader, Writer(lossy, version=9) as writer:
+    with AnyReader([whole], default_typestore=store) as reader, Writer(out, version=9) as writer:
         views = [each for each in reader.connections if each.topic.endswith("image_raw")]
         to = {each.topic: writer.add_connection(each.topic, each.msgtype, typestore=store) for each in views}
-        lefts = 0
+        seen = {"left": 0, "right": 0}
         for connection, stamp, data in reader.messages(views):
-            lefts += "left" in connection.topic
-            if "left" in connection.topic or lefts != 2:  # the right picture of the second frame
+            side = "left" if "left" in connection.topic else "right"
+            if keeps(side, seen[side]):
                 writer.write(to[connection.topic], stamp, data)
-    source = endosdk.open_source(lossy)
+            seen[side] += 1
+    return endosdk.open_source(out)
+
+
+def test_numbers_go_on_over_a_picture_that_a_bag_lost(recorded, tmp_path):
+    source = bag_of(recorded, tmp_path, lambda side, number: side == "left" or number != 1)
     for _ in range(2):
         assert [frame.number for frame in source] == [number for number in range(COUNT) if number != 1]
         assert source.dropped == 1
@@ -696,36 +702,15 @@ def test_numbers_go_on_over_a_picture_that_a_bag_lost(recorded, tmp_path):
 
 def test_a_camera_of_a_bag_may_start_later_and_end_earlier(recorded, tmp_path, monkeypatch):
     monkeypatch.setattr("endosdk.live.sources.bag.MOST_WAITING", 2)
-    whole, late = tmp_path / "whole.mcap", tmp_path / "late"
-    main(["replay", str(recorded), "--out", str(whole)])
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with AnyReader([whole], default_typestore=store) as reader, Writer(late, version=9) as writer:
-        views = [each for each in reader.connections if each.topic.endswith("image_raw")]
-        to = {each.topic: writer.add_connection(each.topic, each.msgtype, typestore=store) for each in views}
-        rights = 0
-        for connection, stamp, data in reader.messages(views):
-            rights += "right" in connection.topic
-            if "left" in connection.topic or 4 < rights < COUNT:
-                writer.write(to[connection.topic], stamp, data)
-    source = endosdk.open_source(late)
+    source = bag_of(recorded, tmp_path, lambda side, number: side == "left" or 4 <= number < COUNT - 1)
     assert [frame.number for frame in source] == list(range(4, COUNT - 1))
     assert [sum("left picture" in fault for fault in source.faults), source.fault_count] == [5, 5]
 
 
 def test_a_bag_without_a_pair_is_refused(recorded, tmp_path):
-    whole, alone = tmp_path / "whole.mcap", tmp_path / "alone"
-    main(["replay", str(recorded), "--out", str(whole)])
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with AnyReader([whole], default_typestore=store) as reader, Writer(alone, version=9) as writer:
-        views = [each for each in reader.connections if each.topic.endswith("image_raw")]
-        to = {each.topic: writer.add_connection(each.topic, each.msgtype, typestore=store) for each in views}
-        lefts = 0
-        for connection, stamp, data in reader.messages(views):
-            lefts += "left" in connection.topic
-            if ("left" in connection.topic) == (lefts < 4):  # one side, and then the other
-                writer.write(to[connection.topic], stamp, data)
+    source = bag_of(recorded, tmp_path, lambda side, number: (side == "left") == (number < 3))
     with pytest.raises(SourceFailed, match="must hold pictures of one time"):
-        list(endosdk.open_source(alone))
+        list(source)
 
 
 def test_compressed_pictures_of_16_bits_are_refused():

@@ -159,7 +159,7 @@ def test_a_paused_camera_is_not_drawn_from_until_it_is_stepped():
     assert source.drawn == 0
     for steps in (1, 2):
         player.step()
-        until(lambda: player.latest is not None and player.latest.turn == steps)  # noqa: B023
+        until(lambda turn=steps: player.latest is not None and player.latest.turn == turn)
         time.sleep(0.1)
         assert source.drawn == steps
     player.close()

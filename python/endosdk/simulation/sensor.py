@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from endosdk.io.jpeg import as_jpeg
 from endosdk.simulation.noise import Array
 
 
@@ -94,11 +95,3 @@ def _develop(rng: np.random.Generator, light: Array, sensor: Sensor, blur_px: fl
     if sensor.jpeg_quality:
         coded = as_jpeg(coded, sensor.jpeg_quality)
     return np.ascontiguousarray(coded)
-
-
-def as_jpeg(picture: Picture, quality: int) -> Picture:
-    """Return an RGB picture as it comes out of a JPEG of this quality, 0 to 100."""
-    import cv2
-
-    _, packed = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return np.ascontiguousarray(np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)[..., ::-1])

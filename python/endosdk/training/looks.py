@@ -11,6 +11,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from endosdk.io.jpeg import as_jpeg
+
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
@@ -102,16 +104,14 @@ def _filmed(view: Image, line: int | None, band: float, colour: float, sharpenin
 
 def compressed(left: Image, right: Image, rng: Generator) -> tuple[Image, Image]:
     """Store both views as JPEG of one quality, half of the pairs at twice the size: frames are often reduced later."""
-    quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(10, 70))]
+    quality = int(rng.integers(10, 70))
     times = int(rng.integers(1, 3))
     size = (left.shape[1], left.shape[0])
     views = []
     for view in (left, right):
         stored = cv2.resize(view, (times * size[0], times * size[1]), interpolation=cv2.INTER_LINEAR)
-        # OpenCV stores BGR, and JPEG keeps less of red and blue than of green.
-        read = cv2.imdecode(cv2.imencode(".jpg", stored[..., ::-1], quality)[1], cv2.IMREAD_COLOR)
-        assert read is not None
-        views.append(np.asarray(cv2.resize(read[..., ::-1], size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+        read = as_jpeg(np.asarray(stored, dtype=np.uint8), quality)
+        views.append(np.asarray(cv2.resize(read, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
     return views[0], views[1]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 import platform
-import resource
 from pathlib import Path
 
 # Numbers of malloc.h and sys/mman.h; ctypes cannot read them.
@@ -36,6 +35,8 @@ def _ask_for_large_pages(library: ctypes.CDLL) -> None:
     Half of the machine's memory is asked for and freed. No page of it is touched, so it costs addresses alone; where
     these are limited or counted as used, nothing is asked for.
     """
+    import resource  # where glibc is; Windows has none
+
     overcommit = Path("/proc/sys/vm/overcommit_memory")
     counted = not overcommit.exists() or overcommit.read_text().strip() == NO_OVERCOMMIT
     if counted or resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:

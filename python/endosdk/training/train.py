@@ -19,10 +19,11 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from endosdk.errors import DatasetInvalid, InvalidArgument
+from endosdk.errors import InvalidArgument
 from endosdk.io.interrupts import interrupts_deferred, kill_answered
 from endosdk.io.progress import progress
 from endosdk.training import checkpoint, past_runs
+from endosdk.training.beyond_range import count_beyond_range
 from endosdk.training.config import RESUMED, TrainConfig
 from endosdk.training.data import Crops, has_truth
 from endosdk.training.devices import channels_last, device_of, precision_on
@@ -42,7 +43,6 @@ from endosdk.training.validation import mean_errors
 
 LOG = logging.getLogger("endosdk")
 CROPS_WITHOUT_STEPS = 8  # from each pair, where a run of no steps fits the confidence alone
-COUNTED_PAIRS = 64  # so many tell how much truth lies beyond the range
 SCHEDULE = ("steps", "rate", "final_rate")  # what a resumed run may change of what it learns
 # What is measured beside the training, every `validate_every` steps; it is told whether the refinement is computed yet.
 Watch = Callable[[StereoNetwork, bool], dict[str, float]]
@@ -100,7 +100,8 @@ class Run:
             self._check_same_data(saved, {"sha256": self.reader.sha256})
         self.train_pairs, self.held_out = split_pairs(self.reader, config)
         self.crops = self._crops_of(self.train_pairs)
-        self.beyond_range = self._count_beyond_range() if rank == 0 else 0.0
+        counted = self.crops, self.train_pairs, config.max_disparity, self.reader.name
+        self.beyond_range = count_beyond_range(*counted) if rank == 0 else 0.0
         self.step, self.seconds, self.finished = 0, 0.0, False
         self.history: list[dict[str, float]] = []
         self.watch: Watch | None = None
@@ -217,28 +218,6 @@ class Run:
         if before is not None and before != self.world:
             message = "this run has drawn its crops for %d processes and goes on with %d: crops are drawn anew"
             LOG.warning(message, before, self.world)
-
-    def _count_beyond_range(self) -> float:
-        """Share of the truth, in pairs spread over those trained on, that no plane of the network reaches.
-
-        Raises DatasetInvalid where no pair has any that is reached.
-        """
-        seen = self.train_pairs[:: -(-len(self.train_pairs) // COUNTED_PAIRS)]
-        known, beyond = (sum(counts) for counts in zip(*map(self._known_and_beyond, seen), strict=True))
-        if known == beyond and all(k == b for k, b in map(self._known_and_beyond, self.train_pairs)):
-            rule = f"must have truth below max_disparity, {self.config.max_disparity} px, in the pairs trained on"
-            raise DatasetInvalid("dataset", rule, f"none in {self.reader.name}")
-        if beyond:
-            message = (
-                "%.1f %% of the truth in %d training pairs lies beyond max_disparity, %d px, and is not learned from"
-            )
-            LOG.warning(message, 100 * beyond / known, len(seen), self.config.max_disparity)
-        return beyond / known if known else 0.0
-
-    def _known_and_beyond(self, index: int) -> tuple[int, int]:
-        """Count the pixels of a pair that have truth, and those of them that no plane of the network reaches."""
-        truth, too_large = self.crops.truth(index), self.crops.too_large(index)
-        return int((truth > 0).sum()) + too_large, int((truth >= self.config.max_disparity).sum()) + too_large
 
     def fit(self) -> None:
         """Take every step that is left: first those of the coarse stage alone, then those of both."""

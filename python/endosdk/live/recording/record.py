@@ -43,7 +43,8 @@ def record(
 ) -> dict[str, Any]:
     """Record until the source ends, or after ``most`` frames; return how many got which status and which cause.
 
-    ``faults`` and ``notes`` are what went wrong. ``temporal`` is that of `DepthEstimator.stream`.
+    ``faults`` are what went wrong with frames. ``notes`` are the latest of what went wrong with the source,
+    ``note_count`` says how many there were. ``temporal`` is that of `DepthEstimator.stream`.
 
     ``out`` is a folder, or ends in one of `FILES`. What was begun there and stopped goes on. A camera or a pipe cannot
     be continued, so a KeyboardInterrupt after its first frame ends the recording as the end of the source does: all
@@ -78,6 +79,7 @@ def record(
         "causes": dict(Counter(cause for line in lines for cause in line["causes"])),
         "faults": [f"frame {line['number']}: {line['fault']}" for line in lines if line["fault"]],
         "notes": list(source.faults),
+        "note_count": source.fault_count,
         "dropped": source.dropped,
     }
 

@@ -36,22 +36,21 @@ class VideoFile(Source):
     def _read(self, start: int) -> Iterator[Frame]:
         decoder = self._decoder()
         try:
-            number, last = -1, 0
+            number = -1
             for number, decoded in enumerate(decoder.pictures()):
-                last = decoded.stamp_ns
                 if number >= start:  # frames before it are decoded all the same: seeking is not exact in every file
                     yield framed(decoded, number, self.options)
-            if ends_early(decoder, number + 1, last):
-                self.note(f"ends after {number + 1} frames, {last / 1e9:.2f} s: earlier than the file states")
+            if (self.count is not None and number + 1 < self.count) or ends_early(decoder):
+                self.note(
+                    f"ends after {number + 1} frames, {decoder.last_ns / 1e9:.2f} s: earlier than the file states"
+                )
         finally:
             decoder.close()
 
 
-def ends_early(decoder: Decoder, count: int | None, last_ns: int) -> bool:
-    """Tell whether a file states more frames than ``count``, where that is known, or a later end than ``last_ns``."""
-    if count is not None and decoder.count is not None and count < decoder.count:
-        return True
-    return decoder.end_ns is not None and decoder.end_ns - last_ns > FRAMES_AT_THE_END * 1e9 / decoder.rate
+def ends_early(decoder: Decoder) -> bool:
+    """Tell whether a file states a later end than that of its latest picture."""
+    return decoder.end_ns is not None and decoder.end_ns - decoder.last_ns > FRAMES_AT_THE_END * 1e9 / decoder.rate
 
 
 class TwoVideos(Source):
@@ -99,7 +98,7 @@ class TwoVideos(Source):
             if left is not right:  # one of them is None
                 shorter = self._paths[0 if left is None else 1]
                 self.note(f"{shorter} ends after {number} frames, the other goes on")
-            elif all(ends_early(decoder, None, decoder.last_ns) for decoder in decoders):
+            elif all(map(ends_early, decoders)):
                 self.note(f"both end after {number} frames: earlier than the files state")
         finally:
             for decoder in decoders:

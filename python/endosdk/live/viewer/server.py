@@ -127,9 +127,7 @@ class Server:
         drawn = asyncio.Event()
         drawn.set()
         talk = _Talk()
-        # In turn, and beside what is read: to complete a recording takes long.
-        wishes: asyncio.Queue[str | None] = asyncio.Queue()
-        obeying = asyncio.create_task(self._obey_all(socket, wishes, talk))
+        wishes: set[asyncio.Task[None]] = set()
         sending = asyncio.create_task(self._send(socket, drawn, talk))
         stopping = asyncio.create_task(self._close_when_stopped(socket))
         sending.add_done_callback(lambda _: stopping.cancel())
@@ -139,24 +137,23 @@ class Server:
                     continue
                 if message.data == "drawn":
                     drawn.set()
-                elif '"measure"' in message.data:  # of the picture that the page shows now
-                    await _tell(socket, await asyncio.to_thread(self._obey, message.data, talk))
-                else:
-                    wishes.put_nowait(message.data)
+                else:  # beside what is read: to complete a recording takes long
+                    wish = asyncio.create_task(self._answer_wish(socket, message.data, talk))
+                    wishes.add(wish)
+                    wish.add_done_callback(wishes.discard)
         finally:
-            wishes.put_nowait(None)
-            await asyncio.wait([obeying])
+            if wishes:
+                await asyncio.wait(wishes)
             sending.cancel()
             stopping.cancel()
             with suppress(asyncio.CancelledError):
                 await sending  # its error, where it had one, goes to the log of the server
         return socket
 
-    async def _obey_all(self, socket: Any, wishes: asyncio.Queue[str | None], talk: _Talk) -> None:
-        """Do what the buttons ask for, up to None. Where that fails, the page is closed: its buttons would be dead."""
+    async def _answer_wish(self, socket: Any, text: str, talk: _Talk) -> None:
+        """Do what the page asks for. Where that fails, the page is closed, which it can see."""
         try:
-            while (wish := await wishes.get()) is not None:
-                await _tell(socket, await asyncio.to_thread(self._obey, wish, talk))
+            await _tell(socket, await asyncio.to_thread(self._obey, text, talk))
         except Exception:
             log.exception("the page is closed")
             await socket.close()
@@ -189,13 +186,13 @@ class Server:
 
     def _state(self) -> dict[str, Any]:
         player = self._player
-        recording = player.recording
+        recording, silent_s = player.recording, player.silent_s
         return {
             "playing": player.playing,
             "ended": player.ended,
             "error": player.problem,
             "recording": None if recording is None else str(recording),
-            "silent_s": int(player.silent_s) if player.silent_s >= LONG_SILENCE_S else 0,
+            "silent_s": int(silent_s) if silent_s >= LONG_SILENCE_S else 0,
             "dropped": player.source.dropped,
             "faults": player.source.faults[-3:],
             "count": player.source.count,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from endosdk.io.jpeg import as_jpeg
 from endosdk.simulation.effects import subsample_chroma
 from endosdk.simulation.noise import Array
-from endosdk.simulation.sensor import as_jpeg
 
 Picture = NDArray[np.uint8]
 SEEN_AT_PX = 480  # width of picture for which lengths in px are given
