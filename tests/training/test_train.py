@@ -407,7 +407,7 @@ def test_pairs_without_truth_in_range_are_refused_before_the_run_begins(disparit
 
 
 def test_one_pair_with_truth_in_range_is_enough(tmp_path, monkeypatch):
-    monkeypatch.setattr("endosdk.training.train.COUNTED_PAIRS", 1)  # the first one, which has none
+    monkeypatch.setattr("endosdk.training.beyond_range.COUNTED_PAIRS", 1)  # the first one, which has none
     one_frame_set(tmp_path / "set", (64, 128))
     picture, truth = np.full((64, 128, 3), 90, np.uint8), np.full((64, 128), np.nan, np.float32)
     bare = write_sample(tmp_path / "set", "train", Sample("0", picture, picture, truth, None, None, 200.0, 5.0))
