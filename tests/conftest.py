@@ -21,18 +21,27 @@ TINY_MODEL = ROOT / "models" / "tiny-for-tests.onnx"
 # Folders whose tests share what takes long to make: one worker runs them all, so that it is made once.
 TOGETHER = ("tests/c_library/", "tests/training/")
 SLOW = ROOT / "tests" / "slow.txt"
+# Lines of that list without a test, though the tests of their file were collected.
+IDLE_LINES = pytest.StashKey[list[str]]()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what is slow, and begin with what takes longest: one process works on it while the other does the rest."""
     items.sort(key=lambda item: not item.nodeid.startswith(TOGETHER))
     slow = [line for line in SLOW.read_text().splitlines() if not line.startswith("#")]
-    fixtures = {line.removeprefix("fixture ") for line in slow if line.startswith("fixture ")}
+    files, meant = set(), set()
     for item in items:
-        inside = item.path.relative_to(ROOT / "tests")
-        name = f"tests/{inside.as_posix()}::{item.nodeid.partition('::')[2]}"
-        if name.startswith(tuple(slow)) or fixtures & set(getattr(item, "fixturenames", ())):
+        file = f"tests/{item.path.relative_to(ROOT / 'tests').as_posix()}"
+        name = f"{file}::{item.nodeid.partition('::')[2]}"
+        fixtures = {f"fixture {fixture}" for fixture in getattr(item, "fixturenames", ())}
+        lines = {line for line in slow if line in fixtures or name.startswith(line)}
+        if lines:
             item.add_marker(pytest.mark.slow)
+        files.add(file)
+        meant |= lines
+    # A whole file may be skipped, for want of a package: nothing is known of its lines then.
+    known = [line for line in slow if line.startswith("fixture ") or line.partition("::")[0] in files]
+    config.stash[IDLE_LINES] = [line for line in known if line not in meant]
 
 
 @pytest.hookimpl(optionalhook=True)  # where pytest-xdist is not installed, nobody asks

@@ -31,7 +31,10 @@ PUBLISHED = {"psmnet": (5_224_768, 5_224_768), "anynet": (42_500, 43_500)}
 
 @pytest.fixture(autouse=True, scope="module")
 def two_threads():
+    before = torch.get_num_threads()
     torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(before)
 
 
 @pytest.mark.parametrize("name", ["anynet", "psmnet"])

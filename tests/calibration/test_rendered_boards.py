@@ -40,6 +40,16 @@ def found_views(board: Board, pictures: list[list[np.ndarray]]) -> list[BoardVie
     return [view for view in views if isinstance(view, BoardView)]
 
 
+@pytest.fixture(scope="module")
+def views(pictures: list[list[np.ndarray]]) -> list[BoardView]:
+    return found_views(CHESSBOARD, pictures)
+
+
+@pytest.fixture(scope="module")
+def calibrated(rig: StereoCalibration, views: list[BoardView]) -> BoardCalibration:
+    return calibrate_views(views, (rig.width, rig.height))
+
+
 def assert_same_rig(found: StereoCalibration, rig: StereoCalibration) -> None:
     assert found.left_matrix[0, 0] == pytest.approx(rig.left_matrix[0, 0], rel=0.003)
     assert found.right_matrix[1, 2] == pytest.approx(rig.right_matrix[1, 2], abs=2.0)
@@ -55,16 +65,16 @@ def scores(result: BoardCalibration, rig: StereoCalibration) -> list[float]:
     return [(found[name][0] - true[name][0]) / error for name, error in errors.items()]
 
 
-def test_a_rendered_chessboard_gives_the_rig_back(rig: StereoCalibration, pictures: list[list[np.ndarray]]) -> None:
-    views = found_views(CHESSBOARD, pictures)
+def test_a_rendered_chessboard_gives_the_rig_back(
+    rig: StereoCalibration, views: list[BoardView], calibrated: BoardCalibration
+) -> None:
     assert len(views) >= 8
-    result = calibrate_views(views, (rig.width, rig.height))
-    assert result.reprojection_px < 0.05
-    assert result.errors is not None
-    assert result.errors.standard_errors["translation x"] < 0.005
+    assert calibrated.reprojection_px < 0.05
+    assert calibrated.errors is not None
+    assert calibrated.errors.standard_errors["translation x"] < 0.005
     # The detector alone makes the focal length 10 standard errors too long.
-    assert np.max(np.abs(scores(result, rig))) < 4
-    assert_same_rig(result.calibration, rig)
+    assert np.max(np.abs(scores(calibrated, rig))) < 4
+    assert_same_rig(calibrated.calibration, rig)
 
 
 @pytest.mark.slow
@@ -169,10 +179,9 @@ def test_folders_of_a_board_that_is_tilted_one_way_only_get_advice(
     assert ("advice      tilt the board more, both ways" in capsys.readouterr().err) is not both_ways
 
 
-def test_the_page_says_all_and_asks_nothing_of_others(rig: StereoCalibration, pictures: list[list[np.ndarray]]) -> None:
-    result = calibrate_views(found_views(CHESSBOARD, pictures), (rig.width, rig.height))
+def test_the_page_says_all_and_asks_nothing_of_others(calibrated: BoardCalibration) -> None:
     left_out = [LeftOut("<b>07</b>", "no whole board"), LeftOut("8 frames", "moving", 8)]
-    page = board_page(result, left_out, {"fast": 16.2, "other": None})
+    page = board_page(calibrated, left_out, {"fast": 16.2, "other": None})
     for part in ("Coverage", "translation x", "30 mm", "100 mm", "standard error", "17 mm", "not stated", "view 3"):
         assert part in page
     assert "9 left out" in page

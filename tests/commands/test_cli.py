@@ -204,13 +204,11 @@ def test_doctor_is_content_with_this_installation(capsys):
     assert "CPUExecutionProvider" in printed
 
 
-def test_installed_entry_point_runs():
-    done = subprocess.run(
-        [sys.executable, "-c", "from endosdk.commands.cli import main; main(['--version'])"],
-        capture_output=True,
-        text=True,
-    )
-    assert __version__ in done.stdout
+@pytest.mark.parametrize(("program", "option"), [("endosdk", "--version"), ("endosdk-bench", "--help")])
+def test_installed_entry_points_run(program, option):
+    command = [str(Path(sys.executable).parent / program), option]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert {"--version": __version__, "--help": "usage: endosdk bench "}[option] in done.stdout
 
 
 def test_output_that_cannot_be_written_is_one_line_and_status_2():

@@ -23,7 +23,7 @@ from endosdk.runtime.result import Timings
 from endosdk.runtime.session import StereoSession
 from tests.conftest import TINY_MODEL
 
-SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "25", "--warmup", "1"]
+SMALL = ["--size", "480x360", "--network-size", "320x240", "--threads", "1", "--frames", "27", "--warmup", "1"]
 
 
 def test_shipped_pairs_are_raw_and_have_truth():
@@ -90,10 +90,19 @@ def test_sizes_that_no_camera_has_are_refused(size, capsys):
     assert f"{rule}; got {size}" in capsys.readouterr().err
 
 
-def test_record_has_every_key(tmp_path):
-    file = tmp_path / "bench.json"
-    assert main(["bench", "--model", "fast-fp32", *SMALL, "--against", "sgbm", "--out", str(file)]) == 0
-    record = json.loads(file.read_text())
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The record of one real benchmark, and how often it asked the rival for a map."""
+    file, asked = tmp_path_factory.mktemp("bench") / "bench.json", []
+    compute = SgbmBaseline.compute
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SgbmBaseline, "compute", lambda *views: asked.append(1) or compute(*views))
+        assert main(["bench", "--model", "fast-fp32", *SMALL, "--against", "sgbm", "--out", str(file)]) == 0
+    return json.loads(file.read_text()), len(asked)
+
+
+def test_record_has_every_key(measured):
+    record, _ = measured
     assert record["window"] == [0, 0, 960, 720]
     assert record["fps"] > 0
     assert set(record["latency_ms"]) == {"p50", "p95", "p99", "max"}
@@ -107,14 +116,10 @@ def test_record_has_every_key(tmp_path):
     assert {"cpu", "instructions", "threads", "versions", "commit"} <= set(record["machine"])
 
 
-def test_every_frame_is_timed_whatever_their_number(monkeypatch):
-    timed = []
-    compute = SgbmBaseline.compute
-    monkeypatch.setattr(SgbmBaseline, "compute", lambda *views: timed.append(1) or compute(*views))
-    settings = BenchSettings("fast-fp32", (480, 360), (320, 240), 1, 27, 1, "cpu", "sgbm")
-    record = run_benchmark(settings)
-    assert record["frames"] == 27
-    assert len(timed) == len(sample_pairs()) + 27 + TURNS  # the check, the frames, one to warm up for each turn
+def test_every_frame_is_timed_whatever_their_number(measured):
+    record, asked = measured
+    assert record["frames"] == 27  # no multiple of the turns
+    assert asked == len(sample_pairs()) + 27 + TURNS  # the check, the frames, one to warm up for each turn
 
 
 WARMUP = 2
@@ -260,9 +265,8 @@ def test_too_few_frames_for_a_rate_are_refused(frames, threads, least):
         run_benchmark(BenchSettings(str(TINY_MODEL), (480, 360), None, threads, frames, 1, "cpu", None))
 
 
-def test_the_rate_of_a_stream_is_no_better_than_its_threads():
-    settings = BenchSettings("fast-fp32", (480, 360), (320, 240), 1, 25, 1, "cpu", None)
-    record = run_benchmark(settings)
+def test_the_rate_of_a_stream_is_no_better_than_its_threads(measured):
+    record, _ = measured
     # One frame in flight: no more than what is copied and checked around it can be hidden. The machine may be busy.
     assert record["stream_fps"] < 3 * 1000 / record["latency_ms"]["p50"]
 

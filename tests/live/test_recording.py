@@ -43,7 +43,7 @@ from endosdk.live.sources.bag import picture_of
 from endosdk.live.sources.source import Source, SourceOptions
 from endosdk.live.sources.video_input import Piped
 from endosdk.live.viewer import Player
-from tests.conftest import TINY_MODEL, shifted_pair
+from tests.conftest import TINY_MODEL, noisy, shifted_pair
 from tests.live.videos import side_by_side, views, write
 
 COUNT = 8
@@ -158,6 +158,35 @@ def test_the_command_records_and_gives_back(video, tmp_path, capsys):
     frames = list(endosdk.open_source(tmp_path / "pictures"))
     assert np.array_equal(frames[5].right, PAIRS[5][1])
     assert len(list((tmp_path / "pictures" / "depth").iterdir())) == COUNT
+
+
+@pytest.mark.parametrize("option", [None, "--temporal", "--no-pictures"])
+def test_the_command_records_as_it_is_told(option, tmp_path):
+    """One still scene with new noise in every frame, which the filter takes away."""
+    pairs = [[noisy(view, 3, 2 * n + eye) for eye, view in enumerate(shifted_pair(96, 160, 8))] for n in range(4)]
+    video, out = write(tmp_path / "v.mkv", side_by_side(pairs)), tmp_path / "r"
+    words = ["run", str(video), "--model", str(TINY_MODEL), "--threads", "1", "--out", str(out)]
+    assert main([*words, *([] if option is None else [option])]) == 0
+    recording = Recording(out)
+    found = np.stack([disparity for _, disparity in recording.maps()])
+    plain, steady = (
+        np.stack(
+            [
+                np.where(result.reasons == 0, result.disparity, np.nan)
+                for result in estimator(None).stream(iter(pairs), temporal=on)
+            ]
+        )
+        for on in (False, True)
+    )
+    wanted, other = (steady, plain) if option == "--temporal" else (plain, steady)
+    assert np.array_equal(np.isfinite(found), np.isfinite(wanted))
+    assert np.nanmax(np.abs(found - wanted)) <= 1 / 128 + 1e-6 < 0.1 * np.nanmax(np.abs(found - other))
+    if option != "--no-pictures":
+        assert np.array_equal(next(iter(recording)).left, pairs[0][0])
+        return
+    assert not (out / "pair.mkv").exists()
+    with pytest.raises(SourceFailed, match="recorded without them"):
+        next(iter(recording))
 
 
 def test_the_summary_names_the_causes_and_their_remedies(tmp_path, capsys):
@@ -445,33 +474,47 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def running(words):
+# The files of a part grow in steps of many frames: what is recorded is not seen from outside.
+TELLING = f"""
+import sys
+from pathlib import Path
+from endosdk.live.recording.recorder import Recorder
+add, told = Recorder.add, Path(sys.argv.pop(1))
+def telling(recorder, frame, result):
+    add(recorder, frame, result)
+    with told.open("a") as file: file.write(str(frame.number))
+Recorder.add = telling
+{HEEDING}
+"""
+
+
+def running(words, program=HEEDING):
     """A command that hears control-C wherever these tests were begun."""
     return subprocess.Popen(
-        [sys.executable, "-c", HEEDING, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-c", program, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_silent_pipe_can_be_ended_by_a_signal(tmp_path, number):
-    out = tmp_path / "r"
+    out, told = tmp_path / "r", tmp_path / "told"
     words = ["run", "-", "--raw", "rgb24:192x64", "--model", str(TINY_MODEL), "--threads", "1", "--out", str(out)]
-    with running(words) as command:
+    with running([str(told), *words], TELLING) as command:
         try:
             command.stdin.write(b"".join(np.hstack(pair).tobytes() for pair in PAIRS))
             command.stdin.flush()
             deadline = time.monotonic() + 60
-            while not list(out.glob(".partial-*/pair.mkv")):
+            while not told.exists() or told.read_text() != "01234567":
                 assert command.poll() is None and time.monotonic() < deadline
                 time.sleep(0.05)
-            time.sleep(1)  # until the frames that came are recorded, if the machine is not too busy
             command.send_signal(number)
             assert command.wait(timeout=60) == 0, command.stderr.read().decode()
         finally:
             command.kill()
         assert command.stderr.read() == b""
         frames = list(endosdk.open_source(out))
-        assert f"frames     {len(frames)}: " in command.stdout.read().decode()
+        assert f"frames     {COUNT}: " in command.stdout.read().decode()
+    assert [frame.number for frame in frames] == list(range(COUNT))
     assert np.array_equal(frames[0].left, PAIRS[0][0])
     assert (out / "preview.mp4").is_file()
 

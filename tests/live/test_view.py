@@ -7,6 +7,7 @@ import gc
 import io
 import json
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import aiohttp
 import numpy as np
@@ -83,10 +85,29 @@ def test_only_who_knows_the_token_gets_the_page(served):
 def test_it_listens_on_the_loopback_address_alone(served):
     server, _ = served
     port = int(server.address.split(":")[2].split("/")[0])
-    with open("/proc/net/tcp") as table:  # noqa: PTH123 - no file
+    assert bound_to(port, "tcp") == ["0100007F"]
+    assert bound_to(port, "tcp6") == []
+
+
+def bound_to(port, kind):
+    """Addresses on which somebody listens at this port, in the hexadecimal digits of the system."""
+    if not Path(f"/proc/net/{kind}").exists():  # a system without IPv6 has no table of it
+        return []
+    with open(f"/proc/net/{kind}") as table:  # noqa: PTH123 - no file
         rows = [line.split() for line in table.readlines()[1:]]
-    bound = [row[1].split(":")[0] for row in rows if int(row[1].split(":")[1], 16) == port and row[3] == "0A"]
-    assert bound == ["0100007F"]
+    return [row[1].split(":")[0] for row in rows if int(row[1].split(":")[1], 16) == port and row[3] == "0A"]
+
+
+@pytest.mark.parametrize("port", ["-1", "65536", "taken"])
+def test_a_port_that_cannot_be_had_is_refused(port, tmp_path):
+    video = write(tmp_path / "v.mkv", side_by_side(PAIRS))
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        asked = other.getsockname()[1] if port == "taken" else int(port)
+        words = [sys.executable, "-m", "endosdk", "view", str(video), "--model", str(TINY_MODEL), f"--port={asked}"]
+        done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    rule = "must be free on the loopback address" if port == "taken" else "must be 0 to 65535"
+    assert done.stderr.startswith(f"endosdk view: port: {rule}; got {asked}") and done.stderr.count("\n") == 1
 
 
 def test_the_page_asks_nothing_of_others():

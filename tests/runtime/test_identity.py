@@ -7,6 +7,7 @@ import hashlib
 import logging
 import math
 import pickle
+import threading
 import time
 from pathlib import Path
 
@@ -94,8 +95,17 @@ def test_a_pair_that_was_taken_too_long_ago_is_stale(way, caplog):
 
 def test_an_answer_ages_while_nobody_takes_it():
     estimator = DepthEstimator(TINY_MODEL, threads=1)
-    results = estimator.stream((*PAIR, time.monotonic_ns()) for _ in range(2))
+    stamped = threading.Event()
+
+    def source():
+        yield (*PAIR, time.monotonic_ns())
+        stamp = time.monotonic_ns()
+        stamped.set()
+        yield (*PAIR, stamp)
+
+    results = estimator.stream(source())
     next(results)
+    assert stamped.wait(60)  # the answer ages from here
     time.sleep(0.3)
     assert next(results).age_ms > 250
 

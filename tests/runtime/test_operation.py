@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from endosdk import DepthEstimator, StereoCalibration, errors
+from endosdk.runtime.session import BoundRun
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
 PAIR = shifted_pair(96, 160, 9)
@@ -177,31 +178,50 @@ def test_a_closed_estimator_says_so():
     estimator.close()
 
 
-def test_closing_waits_for_the_call_that_runs():
-    estimator = DepthEstimator(TINY_MODEL)
-    found = []
-    caller = threading.Thread(target=lambda: found.append(estimator.predict(*LARGE)))
+@pytest.fixture
+def held_frame(monkeypatch):
+    """An estimator with a frame in work, the list for its result, its thread, and the event that lets it go on."""
+    begun, go_on = threading.Event(), threading.Event()
+    run = BoundRun.run
+
+    def held(self):
+        begun.set()
+        go_on.wait(60)
+        run(self)
+
+    monkeypatch.setattr(BoundRun, "run", held)
+    estimator, found = DepthEstimator(TINY_MODEL), []
+    caller = threading.Thread(target=lambda: found.append(estimator.predict(*PAIR)))
     caller.start()
-    while "network_width" not in estimator.diagnostics():
-        pass  # until the call has begun; its frame takes far longer
-    estimator.close()
-    caller.join()
-    assert found[0].frame == 1
-
-
-def test_reports_do_not_wait_for_frames():
-    estimator = DepthEstimator(TINY_MODEL)
-    finished = threading.Event()
-
-    def work():
-        while not finished.is_set():
-            estimator.predict(*LARGE)
-
-    worker = threading.Thread(target=work)
-    worker.start()
     try:
-        reports = [estimator.diagnostics() for _ in range(20)]
+        assert begun.wait(60)
+        yield estimator, found, caller, go_on
     finally:
-        finished.set()
-        worker.join()
-    assert reports[-1]["failed"] == 0
+        go_on.set()
+        caller.join()
+
+
+def test_closing_waits_for_the_call_that_runs(held_frame):
+    estimator, found, caller, go_on = held_frame
+    closer = threading.Thread(target=estimator.close)
+    closer.start()
+    closer.join(0.3)
+    assert closer.is_alive() and caller.is_alive()
+    go_on.set()
+    for thread in (closer, caller):
+        thread.join(60)
+        assert not thread.is_alive()
+    assert found[0].frame == 1
+    with pytest.raises(errors.InvalidArgument, match="estimator: must be open"):
+        estimator.predict(*PAIR)
+
+
+def test_reports_do_not_wait_for_frames(held_frame):
+    estimator, found, caller, go_on = held_frame
+    report = estimator.diagnostics()
+    assert caller.is_alive() and not found and not go_on.is_set()
+    assert (report["frames"], report["failed"]) == (0, 0)
+    go_on.set()
+    caller.join(60)
+    report = estimator.diagnostics()
+    assert found[0].frame == 1 and (report["frames"], report["failed"]) == (1, 0)

@@ -312,7 +312,9 @@ def test_an_estimator_may_be_closed_when_the_source_is_exhausted():
     stream = estimator.stream(source())
     next(stream)
     assert asked.wait(60)
-    while streaming_threads():  # the reader is done
+    deadline = time.monotonic() + 60
+    while streaming_threads():  # until the reader is done
+        assert time.monotonic() < deadline, "the reader runs on"
         time.sleep(0.01)
     estimator.close()
     assert [result.frame for result in stream] == [2]

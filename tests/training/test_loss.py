@@ -6,13 +6,14 @@ import torch
 from endosdk.errors import InvalidArgument
 from endosdk.training.loss import (
     build_loss,
+    l1_loss,
     l2_loss,
     scale_invariant_loss,
     smooth_l1_loss,
     volume_cross_entropy,
 )
 
-LOSSES = ["scale-invariant", "l2", "smooth-l1"]
+LOSSES = ["scale-invariant", "l1", "l2", "smooth-l1"]
 
 
 def maps(*values):
@@ -40,8 +41,9 @@ def test_scale_invariant_loss_by_hand():
     assert scale_invariant_loss(predicted, truth, everywhere(truth)).item() == pytest.approx(expected)
 
 
-def test_l2_and_smooth_l1_by_hand():
+def test_l1_l2_and_smooth_l1_by_hand():
     predicted, truth = maps(1.0, 5.0), maps(1.5, 2.0)
+    assert l1_loss(predicted, truth, everywhere(truth)).item() == pytest.approx((0.5 + 3.0) / 2)
     assert l2_loss(predicted, truth, everywhere(truth)).item() == pytest.approx((0.25 + 9.0) / 2)
     assert smooth_l1_loss(predicted, truth, everywhere(truth)).item() == pytest.approx((0.125 + 2.5) / 2)
 

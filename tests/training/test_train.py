@@ -40,6 +40,22 @@ def weights(run):
     return checkpoint.load(run).network
 
 
+@pytest.fixture(scope="module")
+def two_steps(dataset_root, tmp_path_factory):
+    """A run of two steps, for tests that only read it."""
+    run = tmp_path_factory.mktemp("run") / "first"
+    train(settings(dataset_root, steps=2), run)
+    return run
+
+
+@pytest.fixture(scope="module")
+def four_steps(dataset_root, tmp_path_factory):
+    """A run of four steps without an interrupt, for tests that only read it."""
+    run = tmp_path_factory.mktemp("run") / "straight"
+    train(settings(dataset_root, steps=4), run)
+    return run
+
+
 def test_the_papers_network_learns_to_match(dataset_root, tmp_path):
     """Random weights know only the mean; a hundred steps later it has to see disparity."""
     config = settings(
@@ -94,9 +110,8 @@ def test_a_resumed_run_equals_one_that_never_stopped(dataset_root, tmp_path):
 
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
-def test_a_step_that_is_interrupted_is_taken_whole(stop, dataset_root, tmp_path, monkeypatch):
+def test_a_step_that_is_interrupted_is_taken_whole(stop, dataset_root, four_steps, tmp_path, monkeypatch):
     config = settings(dataset_root, steps=4)
-    train(config, tmp_path / "straight")
     losses = Run._losses
 
     def interrupted(run, *args):
@@ -110,9 +125,9 @@ def test_a_step_that_is_interrupted_is_taken_whole(stop, dataset_root, tmp_path,
         train(config, tmp_path / "interrupted")
     step = checkpoint.load(tmp_path / "interrupted").step
     train(config, tmp_path / "interrupted", resume=True)
-    for name, value in weights(tmp_path / "straight").items():
+    for name, value in weights(four_steps).items():
         torch.testing.assert_close(weights(tmp_path / "interrupted")[name], value, atol=1e-6, rtol=1e-5)
-    logs = [(tmp_path / run / "log.csv").read_text().splitlines() for run in ("straight", "interrupted")]
+    logs = [(run / "log.csv").read_text().splitlines() for run in (four_steps, tmp_path / "interrupted")]
     assert [line.split(",")[0] for line in logs[0]] == [line.split(",")[0] for line in logs[1]]
     assert step == 3
 
@@ -198,11 +213,10 @@ def test_the_coarse_stage_alone_leaves_the_refinement_untouched(dataset_root, tm
     assert {name for name in refinement | learned if same[name]} == refinement
 
 
-def test_the_refinement_alone_leaves_everything_else_untouched(dataset_root, tmp_path):
-    train(settings(dataset_root, steps=2), tmp_path / "first")
-    alone = settings(dataset_root, steps=2, init_from=str(tmp_path / "first"), refine_only=True, held_out=0)
+def test_the_refinement_alone_leaves_everything_else_untouched(dataset_root, two_steps, tmp_path):
+    alone = settings(dataset_root, steps=2, init_from=str(two_steps), refine_only=True, held_out=0)
     train(alone, tmp_path / "alone")
-    before, after = weights(tmp_path / "first"), weights(tmp_path / "alone")
+    before, after = weights(two_steps), weights(tmp_path / "alone")
     for name, value in before.items():
         learns = name.startswith("refinement.") and name.endswith("conv.weight")
         stays = not name.startswith("refinement.") or "running" in name
@@ -216,11 +230,10 @@ def test_the_refinement_alone_leaves_everything_else_untouched(dataset_root, tmp
         replace(alone, refine_from_step=1)
 
 
-def test_frozen_norm_keeps_its_statistics_and_learns_the_rest(dataset_root, tmp_path):
-    train(settings(dataset_root, steps=2), tmp_path / "first")
-    frozen = settings(dataset_root, steps=2, init_from=str(tmp_path / "first"), frozen_norm=True, held_out=0)
+def test_frozen_norm_keeps_its_statistics_and_learns_the_rest(dataset_root, two_steps, tmp_path):
+    frozen = settings(dataset_root, steps=2, init_from=str(two_steps), frozen_norm=True, held_out=0)
     train(frozen, tmp_path / "frozen")
-    before, after = weights(tmp_path / "first"), weights(tmp_path / "frozen")
+    before, after = weights(two_steps), weights(tmp_path / "frozen")
     for name, value in before.items():
         if ".running_" in name:
             assert torch.equal(value, after[name]), name
@@ -231,22 +244,18 @@ def test_frozen_norm_keeps_its_statistics_and_learns_the_rest(dataset_root, tmp_
         train(replace(frozen, init_from=None), tmp_path / "nothing")
 
 
-def test_another_run_can_be_the_start(dataset_root, tmp_path):
-    train(settings(dataset_root, steps=2), tmp_path / "first")
-    train(
-        settings(dataset_root, steps=1, init_from=str(tmp_path / "first"), rate=1e-9, final_rate=1e-9), tmp_path / "b"
-    )
-    first, second = weights(tmp_path / "first"), weights(tmp_path / "b")
+def test_another_run_can_be_the_start(dataset_root, two_steps, tmp_path):
+    train(settings(dataset_root, steps=1, init_from=str(two_steps), rate=1e-9, final_rate=1e-9), tmp_path / "b")
+    first, second = weights(two_steps), weights(tmp_path / "b")
     torch.testing.assert_close(first["stem.conv.weight"], second["stem.conv.weight"], atol=1e-7, rtol=0)
     assert checkpoint.load(tmp_path / "b").state["init"]["steps"] == 2
     with pytest.raises(InvalidArgument, match="network: must be the checkpoint's fast"):
-        train(settings(dataset_root, init_from=str(tmp_path / "first"), network="wang2020"), tmp_path / "c")
+        train(settings(dataset_root, init_from=str(two_steps), network="wang2020"), tmp_path / "c")
 
 
-def test_no_steps_fit_the_confidence_and_change_nothing_else(dataset_root, tmp_path):
-    train(settings(dataset_root, steps=2, held_out=2), tmp_path / "first")
-    train(settings(dataset_root, steps=0, held_out=2, init_from=str(tmp_path / "first")), tmp_path / "fitted")
-    first, second = weights(tmp_path / "first"), weights(tmp_path / "fitted")
+def test_no_steps_fit_the_confidence_and_change_nothing_else(dataset_root, two_steps, tmp_path):
+    train(settings(dataset_root, steps=0, init_from=str(two_steps)), tmp_path / "fitted")
+    first, second = weights(two_steps), weights(tmp_path / "fitted")
     changed = [name for name in first if not torch.equal(first[name], second[name])]
     assert "confidence.weights" in changed and all(name.startswith("confidence.") for name in changed)
     fitted = checkpoint.load(tmp_path / "fitted")
