@@ -26,7 +26,7 @@ from typing import Any
 
 from benchmarks.paper.experiments import BUDGETS, LABELS, SEEDS, Experiment, unique_runs
 
-OVERRIDES = ("steps", "epochs", "batch", "train_pairs", "device", "workers", "precision")
+OVERRIDES = ("steps", "epochs", "batch", "train_pairs", "max_disparity", "device", "workers", "precision")
 SEARCH_PAIRS = 20
 
 

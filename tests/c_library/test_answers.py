@@ -20,7 +20,6 @@ from tests.c_library import binding as c
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.core.test_pose_error import RIG, cycles_pair, turned
 from tests.rigs import fisheye_rig, raw_rig
-from tests.training.exported_networks import Exported, shared_folder
 
 DEMO = ROOT / "examples" / "data" / "demo"
 RIGS = {
@@ -34,10 +33,10 @@ RIGS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["fast", "cascade"])
-def test_functions_of_files_give_the_same_bytes(library, kind):
+@pytest.mark.parametrize("name", ["fast-fp32", "accurate-fp32"])
+def test_functions_of_files_give_the_same_bytes(library, name):
     """A file computed by the bodies of its functions differs in its last digits."""
-    model = Exported(shared_folder(), kind).path
+    model = shipped_models()[name]
     left, right = shifted_pair(245, 331, 11)
     with endosdk.DepthEstimator(model, network_size=(256, 192)) as python:
         expected = python.predict(left, right)

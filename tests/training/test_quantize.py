@@ -82,7 +82,7 @@ def largest_pair_sums(rows):
             yield -min(first, 0) - min(second, 0)
 
 
-def test_ranges_of_a_file_serve_the_same_weights_exported_anew(files, exported, tmp_path):
+def test_ranges_of_a_file_serve_the_same_weights_exported_anew(files, tmp_path):
     quantize_like(files.full, tmp_path / "again.onnx", read_ranges(files.quantised))
     measured, taken = (constants(path) for path in (files.quantised, tmp_path / "again.onnx"))
     assert measured.keys() == taken.keys()
@@ -92,7 +92,7 @@ def test_ranges_of_a_file_serve_the_same_weights_exported_anew(files, exported, 
     one, other = run(files.quantised), run(tmp_path / "again.onnx")
     assert np.abs(one[0] - other[0]).mean() < 0.002 * one[0].mean()
     with pytest.raises(InvalidArgument, match="no 8-bit layer with the weights"):
-        quantize_like(exported["cascade"].path, tmp_path / "other.onnx", read_ranges(files.quantised))
+        quantize_like(shipped_models()["accurate-fp32"], tmp_path / "other.onnx", read_ranges(files.quantised))
     with pytest.raises(InvalidArgument, match="no 8-bit layer with the weights"):
         quantize_like(files.full, tmp_path / "other.onnx", read_ranges(files.full))
     assert not (tmp_path / "other.onnx").exists()
