@@ -11,6 +11,7 @@ from endosdk import _core
 from endosdk.errors import InferenceFailed, InvalidArgument, StorageFailed
 from endosdk.training.data import planar
 from endosdk.training.export import export_model
+from endosdk.training.model_file import write_model
 from endosdk.training.networks import build_network
 from endosdk.training.parity import check_parity, parity_pairs
 from tests.tiny_model import FILE, INFO, BlockMatching
@@ -71,6 +72,20 @@ def test_torch_and_file_agree_at_three_sizes(model):
     assert report["largest_px"] <= 1e-3
     assert max(entry["confidence"] for entry in report["sizes"]) < 1e-3
     assert json.loads(json.dumps(report)) == report
+
+
+@pytest.mark.parametrize(("part", "seen"), [(0, "nan px, "), (1, r" px, 1\.0.e-01")])
+def test_a_file_that_answers_otherwise_is_refused(model, monkeypatch, part, seen):
+    answer = ort.InferenceSession.run
+
+    def changed(session, *given):
+        found = answer(session, *given)
+        found[part][..., 40, 60] = np.nan if part == 0 else found[part][..., 40, 60] + 0.1
+        return found
+
+    monkeypatch.setattr(ort.InferenceSession, "run", changed)
+    with pytest.raises(InferenceFailed, match=seen):
+        check_parity(model.network, model.path, [warped_pair(5, (96, 160))[:2]])
 
 
 def test_a_file_may_have_a_larger_output_stride(exported, tmp_path):
@@ -155,8 +170,9 @@ def test_a_file_of_other_weights_fails_the_comparison(exported):
 
 def test_an_unwritable_place_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
+    model = onnx.load(FILE)  # an export ends in the same call
     with pytest.raises(StorageFailed, match="writable"):
-        export_model(BlockMatching().eval(), tmp_path / "file" / "model.onnx", INFO)
+        write_model(model, tmp_path / "file" / "model.onnx")
 
 
 def test_the_shipped_tiny_model_is_the_one_its_generator_makes(tmp_path):

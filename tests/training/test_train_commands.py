@@ -1,5 +1,7 @@
 import json
+import shutil
 import signal
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -17,7 +19,7 @@ from endosdk.training.release import release
 from endosdk.training.train import train
 
 
-def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
+def test_from_data_to_model_file(dataset_root, tmp_path, capsys, monkeypatch):
     run, model = tmp_path / "run", tmp_path / "model.onnx"
     common = ["--crop", "64", "128", "--batch", "1", "--held-out", "1", "--max-disparity", "48"]
     begin = ["train", "--data", str(dataset_root), "--out", str(run), "--steps", "2", "--inference-width", "160"]
@@ -45,13 +47,17 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
 
     # Weights alone can be exported where a set to score them on is given.
     again = tmp_path / "again.onnx"
-    assert main(["export", str(weights), "--out", str(again), "--data", str(dataset_root)]) == 0
+    with monkeypatch.context() as patch:
+        # To write a file takes long. That of the run must be what the kept weights compute: the export compares them.
+        patch.setattr("endosdk.training.release.export_model", lambda network, file, info: shutil.copy(model, file))
+        assert main(["export", str(weights), "--out", str(again), "--data", str(dataset_root)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "wang2020 1, 2 pairs of warped, split test" and lines[-1] == f"written {again}"
     assert [line.split()[0] for line in lines[1:-1]] == ["float32", "parity"] and "EPE" in lines[1]
     for given, named in (
         ([], "data: must be given"),
-        (["--data", str(dataset_root), "--int8", str(again)], "int8: needs the pairs trained on"),
+        (["--data", str(dataset_root), "--int8", str(again)], "int8: must be another file than --out"),
+        (["--data", str(dataset_root), "--int8", str(run / "8.onnx")], "int8: needs the pairs trained on"),
     ):
         assert main(["export", str(weights), "--out", str(again), *given]) == 2
         assert named in capsys.readouterr().err
@@ -69,6 +75,39 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
     assert checkpoint.load(tmp_path / "from-fast").config.optimiser == "muon"
 
 
+@pytest.fixture
+def asked(monkeypatch):
+    """The settings of the runs that the command would begin."""
+    seen = []
+    monkeypatch.setattr("endosdk.training.train.train", lambda config, out, resume: seen.append(config) or out)
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("words", "settings"),
+    [
+        ([], {}),
+        (["--looks", "tone", "colours"], {"looks": ("tone", "colours")}),
+        (["--no-augment"], {"augment": False}),
+        (["--frozen-norm"], {"frozen_norm": True}),
+        (["--quantised"], {"quantised": True}),
+        (["--refine-only"], {"refine_only": True}),
+        (["--refine-crop", "64", "96"], {"refine_crop": (64, 96)}),
+    ],
+)
+def test_an_option_changes_its_own_setting_alone(words, settings, asked):
+    assert main(["train", "--data", "set", "--out", "run", *words]) == 0
+    assert asked == [TrainConfig(data=("set",), **settings)]
+
+
+def test_options_come_before_the_recipe_of_the_weights(asked):
+    begin = ["train", "--data", "set", "--out", "run", "--init-from"]
+    for start, words in (("fast", []), ("fast", ["--looks", "--no-frozen-norm"])):
+        assert main([*begin, start, *words]) == 0
+    taken_over, own = asked
+    assert taken_over.looks and own == replace(taken_over, looks=(), frozen_norm=False)
+
+
 @pytest.mark.parametrize(
     ("words", "part"),
     [
@@ -83,6 +122,8 @@ def test_from_data_to_model_file(dataset_root, tmp_path, capsys):
         (["export", "fast", "--out", "model.onnx"], "data: must be given: weights alone do not say"),
         (["export", "nowhere", "--out", "."], "out: must be a file that ends in .onnx"),
         (["export", "nowhere", "--out", "model.onnx", "--layout", "kitti"], "layout: is that of --data"),
+        (["export", "nowhere", "--out", "model.onnx", "--ranges-of", "8.onnx"], "ranges_of: is for --int8; give both"),
+        (["export", "nowhere", "--out", "m.onnx", "--int8", "./m.onnx"], "int8: must be another file than --out"),
         (["export", "fast", "--triton", "served", "--layout", "kitti"], "layout: is for a training run"),
         (["export", "fast", "--triton", "served", "--model-version", "2"], "model_version: is for a training run"),
         (["export", "fast", "--triton", "served", "--output-stride", "4"], "output_stride: is for a training run"),

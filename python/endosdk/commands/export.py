@@ -84,6 +84,8 @@ def _check(args: argparse.Namespace) -> None:
         file = getattr(args, name)
         if file is not None and file.suffix != ending:
             raise InvalidArgument(name, f"must be a file that ends in {ending}", file)
+    if args.int8 is not None and args.int8.resolve() == args.out.resolve():
+        raise InvalidArgument("int8", "must be another file than --out", args.int8)
     if args.layout is not None and args.data is None:
         raise InvalidArgument("layout", "is that of --data; give both", args.layout)
     if args.ranges_of is not None and args.int8 is None:

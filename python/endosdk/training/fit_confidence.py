@@ -72,8 +72,10 @@ def fit_confidence(
 def _of_crops(network: StereoNetwork, crops: Crops, seed: int, most: int) -> tuple[Tensor, Tensor]:
     """Do what `_evidence_and_error` does with crops, for at most so many answers."""
     evidence, error = [], []
+    device = network.confidence.weights.device
     for one in answered_crops(network, crops, CROPS_PER_PAIR * len(crops.indices), seed):
-        columns = network.confidence.columns(one.evidence, one.clues)[0]
+        clues = None if one.clues is None else one.clues.to(device)
+        columns = network.confidence.columns(one.evidence.to(device), clues)[0].cpu()
         known = one.known > 0
         evidence.append(columns.expand(len(one.error), -1, -1, -1).permute(0, 2, 3, 1)[known])
         error.append(one.error[known])

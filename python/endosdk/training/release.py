@@ -24,9 +24,9 @@ from endosdk.training.validation import full_scores
 RANGE_PAIRS = 48  # about so many, spread over those trained on, give the ranges of 8-bit integers
 # Settings that say how the weights came about; the rest of the settings only say where and how fast.
 RECIPE = (
-    "inference_width dense_disparity mode_reach train_pairs held_out loss balance volume_weight coarse_weight "
-    "optimiser rate final_rate decay steps batch crop refine_from_step refine_crop refine_only output_stride augment "
-    "looks quantised frozen_norm seed"
+    "network inference_width dense_disparity mode_reach train_pairs held_out loss balance volume_weight coarse_weight "
+    "optimiser rate final_rate decay epochs warmup weight_decay clip steps batch crop refine_from_step refine_crop "
+    "refine_only output_stride augment looks quantised frozen_norm seed"
 ).split()
 
 
