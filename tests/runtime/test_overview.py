@@ -103,13 +103,14 @@ def test_disparities_that_the_picture_cannot_hold_have_a_file_of_their_own(predi
     left, result = predicted
     disparity = result.disparity.copy()
     rows, columns = np.nonzero(result.reasons == 0)
-    disparity[rows[:3], columns[:3]] = 255.99, 256.5, 300.0
+    disparity[rows[:5], columns[:5]] = 255.99, 256.5, 300.0, -4.0, 0.0
     far = replace(result, maps=result.maps._replace(disparity=disparity))
     with caplog.at_level("WARNING", "endosdk"):
         files = write_result(tmp_path, left, far)
-    assert "the 2 disparities over 256 px" in caplog.text
+    assert "the 4 disparities over 256 px or below 0" in caplog.text
     picture = cv2.imread(str(files["disparity.png"]), cv2.IMREAD_UNCHANGED)
-    assert list(picture[rows[:4], columns[:4]]) == [65533, 0, 0, round(256 * float(disparity[rows[3], columns[3]]))]
+    fits = round(256 * float(disparity[rows[5], columns[5]]))
+    assert list(picture[rows[:6], columns[:6]]) == [65533, 0, 0, 0, 0, fits]
     wanted = np.where(result.reasons == 0, disparity, np.nan)
     np.testing.assert_array_equal(np.load(files["disparity.npy"]), wanted)
     assert "disparity.npy" not in write_result(tmp_path, left, result) and not (tmp_path / "disparity.npy").exists()

@@ -66,7 +66,8 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
     """Write the maps of one result into ``folder`` and return name and path of each file.
 
     ``disparity.png`` is 16-bit, px times 256; ``depth.png`` 16-bit, tenths of a mm; both 0 where there is no value.
-    A disparity of 256 px or more does not fit into that picture: where there is one, ``disparity.npy`` has all of them,
+    A disparity of 256 px or more, or below 1/512 px, does not fit into that picture: where there is one (principal
+    points apart give negative ones), ``disparity.npy`` has all of them,
     float32 px, NaN where there is no value, and a warning goes to the log ``endosdk``.
     ``depth.npy`` keeps the float32 millimetres, ``sigma.npy`` the expected error of each, float32 mm; both NaN where
     there is no value. ``confidence.png`` is 8-bit, times 255; ``reasons.png`` holds the bits. With a calibration,
@@ -103,11 +104,11 @@ def write_maps(folder: str | Path, left: npt.NDArray[np.uint8], result: DepthRes
 
 def _beyond_picture(disparity: npt.NDArray[np.float32]) -> npt.NDArray[np.float32] | None:
     """Return the map where disparity.png cannot hold all of it."""
-    lost = int((disparity > LARGEST_DISPARITY).sum())
+    lost = int(((disparity > LARGEST_DISPARITY) | (disparity < 0.5 / DISPARITY_STEPS)).sum())
     if lost == 0:
         return None
     logging.getLogger("endosdk").warning(
-        "disparity.png cannot hold the %d disparities over %.0f px and says 0 there; %s has them all",
+        "disparity.png cannot hold the %d disparities over %.0f px or below 0, and says 0 there; %s has them all",
         *(lost, LARGEST_DISPARITY, DISPARITY_ARRAY),
     )
     return disparity

@@ -144,6 +144,9 @@ class StereoSession:
         return sized
 
     def _compiled(self, height: int, width: int) -> Any:
+        if not hasattr(self._runtime.InferenceSession, "get_provider_graph_assignment_info"):
+            rule = f"{self.provider} needs onnxruntime 1.24 or newer, which says where it computes each operation"
+            raise ProviderUnavailable("provider", rule, f"onnxruntime {self.runtime_version}")
         options = _session_options(self._runtime, self._threads, self._spinning)
         # A graph whose sides are known holds no arithmetic of shapes, which the runtime would leave to the processor.
         for shape in self.input_shapes.values():
