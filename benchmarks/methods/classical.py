@@ -35,12 +35,13 @@ SEARCHED: dict[str, tuple[Any, ...]] = {
     "left_right_tolerance": (0, 1, 2, 4),
 }
 LARGEST_COST = 2**14
+BM_RANGE_PX = 80
 
 
 class BlockMatcher:
     """StereoBM on gray pictures, with holes as NaN."""
 
-    def __init__(self, max_disparity: int = 80, block_size: int = 21) -> None:
+    def __init__(self, max_disparity: int = BM_RANGE_PX, block_size: int = 21) -> None:
         import cv2
 
         self.max_disparity = max_disparity

@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from benchmarks.methods.classical import SEARCHED
-from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS, PROTOCOLS, SEEDS, size
+from benchmarks.methods.classical import BM_RANGE_PX, SEARCHED
+from benchmarks.paper.experiments import EXPERIMENTS, FRAME, GROUPS, LABELS, PROTOCOLS, SEEDS, Experiment, size
 from benchmarks.paper.paper_records import NOT_RECORDED, PaperRecords, given, label_of
 from benchmarks.paper.verdicts import NOT_MEASURED
 from benchmarks.tables.markdown import percent, table
+from benchmarks.tables.ranges import facts_of
 from endosdk.training.config import TrainConfig
 
-GIVEN = ["samples seen", "training pairs", "TMAC", "hours", "precision", "seed"]
+GIVEN = ["samples seen", "training pairs", "TMAC", "hours", "precision", "seed", "device"]
+ROWED = {**LABELS, **SEEDS}  # the methods of Table 1, in its order
+# What the paper states of its own measurements: method, test pairs, EPE and time.
+STATED = (
+    ("wang2020, as its paper states", "100 pairs of the paper", "0.4145", "21.8 (45 FPS, GTX 1080)"),
+    ("AnyNet, as that paper states", "", "", "27 FPS"),
+)
 PARTS = {
     "edges": "depth edges",
     "occluded": "occluded",
@@ -28,7 +35,7 @@ def protocols_table() -> str:
     samples = [settings.get("epochs", 0) * settings["train_pairs"] for settings in PROTOCOLS.values()]
     rows = [
         ["samples", *(str(seen or one.steps * one.batch) for seen, one in zip(samples, configs, strict=True))],
-        ["size of a sample, px", *(size(one.crop) for one in configs)],
+        ["size of a sample, px", *(size(settings["crop"]) for settings in PROTOCOLS.values())],
         ["training pairs", *(str(one.train_pairs) for one in configs)],
         ["batch", *(str(one.batch) for one in configs)],
         ["augmentation", *("strong" if one.augment else "none" for one in configs)],
@@ -45,18 +52,31 @@ def protocols_table() -> str:
 
 
 def not_run_table(records: PaperRecords) -> str:
-    """The experiments that no record has, each once."""
-    run = {name for found in records.tables.values() for name in found["methods"]} | records.known.keys()
-    methods = [label for name, label in LABELS.items() if name not in run]
-    rows = [["Table 1", "; ".join(methods)]] if methods else []
-    for key, group in GROUPS.items():
-        missing = [
-            one.label
-            for one in EXPERIMENTS
-            if one.group == key != "table1" and "seed" not in one.changes and one.name not in run
+    """The experiments that no record has, and those that ended early, by the group that shows them."""
+    found = {**records.methods, **records.known}
+    of_group = {key: [run for run in EXPERIMENTS if run.group == key] for key in GROUPS}
+    titles = {key: f"{group.title} ({group.figures})" for key, group in GROUPS.items()} | {"table1": "Table 1"}
+    rows = []
+    for key, runs in of_group.items():
+        labels = LABELS if key == "table1" else {run.name: run.label for run in runs if "seed" not in run.changes}
+        missing = [said for name, label in labels.items() if (said := _missing(name, label, runs, found))]
+        early = [
+            f"{label}: {row['samples_seen']} of {row['samples_planned']} samples"
+            for name, label in {**{run.name: run.label for run in runs}, **(ROWED if key == "table1" else {})}.items()
+            if (row := found.get(name)) is not None and not row.get("complete", True)
         ]
-        rows += [[f"{group.title} ({group.figures})", "; ".join(missing)]] if missing else []
-    return table(["experiment", "not run"], rows or [["all", "none is missing"]])
+        if missing or early:
+            rows.append([titles[key], "; ".join(missing), "; ".join(early)])
+    return table(["experiment", "not run", "stopped early"], rows or [["all", "none is missing", ""]])
+
+
+def _missing(name: str, label: str, runs: list[Experiment], found: dict[str, Any]) -> str:
+    """Name a method or a run that has not been run at all, or those of its further seeds that have not."""
+    if name not in found:
+        return label
+    further = [run for run in runs if run.name.startswith(f"{name}-seed") and run.name not in found]
+    seeds = " and ".join(str(run.changes["seed"]) for run in further)
+    return f"{label}, seed{'s' if len(further) > 1 else ''} {seeds}" if further else ""
 
 
 def sets_table(records: PaperRecords) -> str:
@@ -93,13 +113,14 @@ def errors_table(records: PaperRecords) -> str:
         for label, row, timed in _methods(found):
             other = "" if timed is None or _processor(timed) == usual else f" ({_processor(timed)})"
             rows.append([label, pairs, *_errors(row), f"{row['ms']:.1f}{other}"])
+    stated = [[method, pairs, epe, *([""] * 6), time] for method, pairs, epe, time in STATED] if rows else []
     heads = ["method", "test pairs of", "EPE, px", "over 1 px", "over 2 px", "over 3 px", "over 5 px"]
-    return _table([*heads, "EPE, non-occluded, px", "coverage", "ms"], rows)
+    return _table([*heads, "EPE, non-occluded, px", "coverage", "ms"], [*stated, *rows])
 
 
 def _methods(found: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any] | None]]:
     """Yield the label, the row and the machine of every method that has been run, in the order of the page."""
-    for name in {**LABELS, **SEEDS}:
+    for name in ROWED:
         if name in found["methods"]:
             row = found["methods"][name]
             label = label_of(name, row)
@@ -133,13 +154,31 @@ def runs_table(records: PaperRecords) -> str:
     """What each method of the tables is and was given, once."""
     rows: dict[str, list[str]] = {}
     for found in records.tables.values():
-        for name in {**LABELS, **SEEDS}:
+        for name in ROWED:
             row = found["methods"].get(name)
             if row is not None:
                 params = f"{row['params']:,}" if row.get("params") else ""
                 products = f"{row['gmacs']:.1f}" if row.get("gmacs") else ""
-                rows.setdefault(label_of(name, row), [params, products, *given(row)])
-    return _table(["method", "parameters", "GMAC a frame", *GIVEN], [[label, *cells] for label, cells in rows.items()])
+                rows.setdefault(label_of(name, row), [params, products, _range(name, row), *given(row)])
+    heads = ["method", "parameters", "GMAC a frame", "D, px", *GIVEN]
+    return _table(heads, [[label, *cells] for label, cells in rows.items()])
+
+
+def _range(name: str, row: dict[str, Any]) -> str:
+    """Return the largest disparity that a method looks for, px of a frame of `FRAME`."""
+    settings = row.get("settings") or {}
+    if "max_disparity" in settings:
+        return str(settings["max_disparity"])
+    if name == "bm":
+        return str(BM_RANGE_PX)
+    planned = [run for run in EXPERIMENTS if run.name == name]  # an older row has no settings
+    if planned:
+        return str(planned[0].settings("cpu", {})["max_disparity"])
+    facts = facts_of(name.removeprefix("shipped-")) if name.startswith("shipped-") else {}
+    if not facts or facts["endosdk.version"] != row.get("version"):
+        return NOT_RECORDED
+    seen = int(facts.get("endosdk.inference_width", FRAME[1]))
+    return f"{int(facts['endosdk.max_disparity']) * FRAME[1] / seen:.0f}"
 
 
 def search_table(records: PaperRecords) -> str:
@@ -166,9 +205,9 @@ def search_table(records: PaperRecords) -> str:
 def learned_table(records: PaperRecords) -> str:
     """The error on pairs that the runs have learned from, beside that on test pairs."""
     rows = [
-        [LABELS[name], str(row["train_pairs_scored"]), f"{row['train_epe']:.3f}", f"{row['epe']:.3f}"]
-        for name, row in records.methods.items()
-        if row.get("train_epe") is not None and name in LABELS
+        [ROWED[name], str(row["train_pairs_scored"]), f"{row['train_epe']:.3f}", f"{row['epe']:.3f}"]
+        for name in ROWED
+        if (row := records.methods.get(name, {})).get("train_epe") is not None
     ]
     return _table(["method", "training pairs scored", "EPE on them, px", "EPE on test pairs, px"], rows)
 
@@ -176,9 +215,9 @@ def learned_table(records: PaperRecords) -> str:
 def stages_table(records: PaperRecords) -> str:
     """The error of AnyNet after each of its stages."""
     rows = [
-        [LABELS[name], *(f"{error:.3f}" for error in row["stages"])]
-        for name, row in records.methods.items()
-        if row.get("stages") and name in LABELS
+        [ROWED[name], *(f"{error:.3f}" for error in row["stages"])]
+        for name in ROWED
+        if (row := records.methods.get(name, {})).get("stages")
     ]
     return _table(["EPE, px", "stage 1", "stage 2", "stage 3", "stage 4"], rows)
 

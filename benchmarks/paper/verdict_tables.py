@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.paper.experiments import COMPARED, EXPERIMENTS, GROUPS, LABELS, MEASURES, crops
-from benchmarks.paper.paper_records import PaperRecords
+from benchmarks.paper.paper_records import PaperRecords, label_of
 from benchmarks.paper.verdicts import (
     ENOUGH_SETTINGS,
     FIGURE_ORDERS,
@@ -14,13 +14,16 @@ from benchmarks.paper.verdicts import (
     error_verdict,
     order_verdict,
     repeat_bound,
+    repeats,
     target_verdict,
     time_verdict,
 )
 from benchmarks.tables.markdown import percent, table
+from benchmarks.tables.ranges import facts_of
 
 JUDGED = ("paper-192", "paper-72", "wang2020", "wang2020-adam")  # the runs of wang2020 that are compared
 VERDICT = ["verdict", "numbers", "why not decided"]
+REPEATED = {**MEASURES, "edges": "test EPE near depth edges, px", "noise": "noise, px"}
 
 
 def _cells(verdict: Verdict) -> list[str]:
@@ -28,13 +31,18 @@ def _cells(verdict: Verdict) -> list[str]:
 
 
 def repeats_table(records: PaperRecords) -> str:
-    """By how much two runs of one setting differ, and whether that is known well enough to decide by."""
-    rows = []
-    for measure, said in MEASURES.items():
-        bound = repeat_bound(records.known, measure)
-        share = percent(bound.share) if bound.settings else ""
-        rows.append([said, str(bound.settings), str(ENOUGH_SETTINGS), share])
-    return table(["measure", "settings repeated", "needed", "largest difference"], rows)
+    """By how much the runs of each setting that was repeated differ, and the bound that this gives for each measure."""
+    shares = {measure: repeats(records.known, measure) for measure in REPEATED}
+    bounds = [repeat_bound(records.known, measure) for measure in REPEATED]
+    repeated = {name for found in shares.values() for name in found}
+    labels = {run.name: LABELS.get(run.name, run.label) for run in EXPERIMENTS if run.name in repeated}
+    rows = [
+        [label, *(percent(found[name]) if name in found else "" for found in shares.values())]
+        for name, label in labels.items()
+    ]
+    largest = [f"**{percent(bound.share)}**, of {bound.settings}" if bound.settings else "" for bound in bounds]
+    last = [f"largest; {ENOUGH_SETTINGS} settings are needed", *largest]
+    return table(["setting", *REPEATED.values()], [*rows, last])
 
 
 def methods_table(records: PaperRecords) -> str:
@@ -55,11 +63,9 @@ def methods_table(records: PaperRecords) -> str:
 
 def pictures_table(records: PaperRecords) -> str:
     """What the paper's pictures show."""
-    rows = records.compared
-    return table(
-        ["the paper's pictures", *VERDICT],
-        [[order.text, *_cells(order_verdict(order, rows, records.bound))] for order in FIGURE_ORDERS],
-    )
+    bounds = {order.measure: repeat_bound(records.known, order.measure) for order in FIGURE_ORDERS}
+    verdicts = {order.text: order_verdict(order, records.compared, bounds[order.measure]) for order in FIGURE_ORDERS}
+    return table(["the paper's pictures", *VERDICT], [[text, *_cells(one)] for text, one in verdicts.items()])
 
 
 def claims_table(records: PaperRecords) -> str:
@@ -76,10 +82,11 @@ def claims_table(records: PaperRecords) -> str:
 
 
 def target_table(records: PaperRecords) -> str:
-    """Whether the best recipe of our own for the same network reached its target."""
-    versions = records.read("studies/wang2020_versions").get("versions", {})
-    rows = [
-        [version, *_cells(target_verdict(found["endosim-gi"]["epe_px"], records.bound))]
-        for version, found in list(versions.items())[-1:]
-    ]
-    return table(["version", "verdict", "EPE, px", "remark"], rows or [[NOT_MEASURED, "", "", ""]])
+    """Whether the best recipe of our own for the same network, which is the one that ships, reached its target."""
+    record = records.read("accuracy/accuracy")
+    rows = []
+    if "wang2020" in record.get("methods", {}):
+        file = {"version": facts_of("wang2020")["endosdk.version"], "model_sha256": record["models"]["wang2020"]}
+        reached = record["methods"]["wang2020"]["all"]["epe_px"]
+        rows.append([label_of("shipped-wang2020", file), *_cells(target_verdict(reached, records.bound))])
+    return table(["model", "verdict", "EPE, px", "remark"], rows or [[NOT_MEASURED, "", "", ""]])

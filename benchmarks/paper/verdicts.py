@@ -18,6 +18,7 @@ Rows = dict[str, dict[str, Any]]  # by the name of the run; what has not been ru
 HELD, FAILED, UNDECIDED = "held", "did not hold", "undecided"
 NOT_RUN, NOT_MEASURED = "not run", "not measured"
 TOO_CLOSE = "closer than two runs of one setting"
+OTHER_MACHINE, UNKNOWN_MACHINE = "timed on two machines", "machine not recorded"
 ENOUGH_SETTINGS = 5
 LITTLE = 0.10  # what "differ little" and "almost the same" mean here; the paper gives no number
 # By the relation that is claimed, for a measure that is smaller (True), larger (False) or too close to tell (None).
@@ -53,10 +54,16 @@ class Verdict(NamedTuple):
     why: str = ""
 
 
+def repeats(rows: Rows, measure: str = "epe") -> dict[str, float]:
+    """Return, by the first run of each setting that was repeated, by what share its complete runs differ."""
+    found = {run.name: _values(rows, run, measure) for run in _one_a_setting()}
+    return {name: max(values) / min(values) - 1 for name, values in found.items() if len(values) > 1}
+
+
 def repeat_bound(rows: Rows, measure: str = "epe") -> Bound:
     """Return by what share two complete runs that differ in their seed alone differ, at most."""
-    found = [values for run in _one_a_setting() if len(values := _values(rows, run, measure)) > 1]
-    return Bound(max((max(values) / min(values) - 1 for values in found), default=0.0), len(found))
+    found = repeats(rows, measure)
+    return Bound(max(found.values(), default=0.0), len(found))
 
 
 def claim_verdict(group: str, claim: Claim, rows: Rows) -> Verdict:
@@ -108,8 +115,11 @@ def time_verdict(run: str, other: str, rows: Rows) -> Verdict:
         return Verdict(NOT_RUN)
     ours, theirs = rows[run]["ms"], rows[other]["ms"]
     numbers = f"{ours:.1f} against {theirs:.1f}"
-    if _processor(rows[run]) != _processor(rows[other]):
-        return Verdict(UNDECIDED, numbers, "timed on two machines")
+    processors = [_processor(rows[name]) for name in (run, other)]
+    if any(None in one for one in processors):
+        return Verdict(UNDECIDED, numbers, UNKNOWN_MACHINE)
+    if processors[0] != processors[1]:
+        return Verdict(UNDECIDED, numbers, OTHER_MACHINE)
     return Verdict(HELD if ours < theirs else FAILED, numbers)
 
 
@@ -139,14 +149,14 @@ def order_verdict(order: Order, rows: Rows, bound: Bound) -> Verdict:
     missing = [LABELS[name] for name in order.methods if name not in rows]
     if missing:
         return Verdict(NOT_RUN, why=f"lacks {'; '.join(missing)}")
-    values = [_seen_in_pictures(rows[name], order.measure) for name in order.methods]
+    values = [_measured(rows[name], order.measure) for name in order.methods]
     unknown = [LABELS[name] for name, value in zip(order.methods, values, strict=True) if value is None]
     if unknown:
         return Verdict(NOT_MEASURED, why=f"no number of {'; '.join(unknown)}")
     numbers = "; ".join(f"{LABELS[name]}: {value:.3f}" for name, value in zip(order.methods, values, strict=True))
     if not bound.known:
         return Verdict(UNDECIDED, numbers, bound.lacking)
-    steps = [smaller([a], [b], bound.share) for a, b in pairwise(values)]
+    steps = [smaller([a], [b], bound.share) for a, b in pairwise(value for value in values if value is not None)]
     word = min((RELATIONS["below"][step] for step in steps), key=(FAILED, UNDECIDED, HELD).index)
     return Verdict(word, numbers, TOO_CLOSE if word == UNDECIDED else "")
 
@@ -159,8 +169,10 @@ def target_verdict(reached: float, bound: Bound) -> Verdict:
     return Verdict(HELD if margin <= 0 else FAILED, numbers, TOO_CLOSE if close else "")
 
 
-def _seen_in_pictures(row: dict[str, Any], measure: str) -> float | None:
-    return row.get("noise") if measure == "noise" else row.get("parts", {}).get(measure, {}).get("epe")
+def _measured(row: dict[str, Any], measure: str) -> float | None:
+    """Return a measure of a row, or the error on the part of the pixels that has this name."""
+    part: dict[str, float] = row.get("parts", {}).get(measure, {})
+    return part["epe"] if part else row.get(measure)
 
 
 def smaller(values: Sequence[float], others: Sequence[float], share: float) -> bool | None:
@@ -187,7 +199,7 @@ def _one_a_setting() -> list[Experiment]:
 def _values(rows: Rows, run: Experiment, measure: str) -> list[float]:
     """Return a measure of a setting, once for each seed with which it was trained to the end."""
     seeds = [rows[other.name] for other in unique_runs() if other.setting == run.setting and other.name in rows]
-    return [float(row[measure]) for row in seeds if row["complete"] and row.get(measure)]
+    return [value for row in seeds if row["complete"] and (value := _measured(row, measure))]
 
 
 def _with_seeds(name: str, rows: Rows) -> list[dict[str, Any]]:

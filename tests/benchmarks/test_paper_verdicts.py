@@ -143,20 +143,22 @@ def test_other_methods_are_judged_by_error_and_by_time():
     assert error_verdict("wang2020", "anynet-published", rows, KNOWN) == Verdict(HELD, errors)
     few = error_verdict("wang2020", "anynet-published", rows, TOO_FEW)
     assert few == Verdict(UNDECIDED, errors, "4 of 5 settings repeated")
-    assert time_verdict("wang2020", "anynet-published", rows) == Verdict(FAILED, "5.0 against 2.0")
+    here, there = ({"cpu": "A", "instructions": known} for known in (["avx2"], ["avx2", "amx_int8"]))
+    times = {name: {**row, "timed_on": {**here, "date": name}} for name, row in rows.items()}  # on several days
+    assert time_verdict("wang2020", "anynet-published", times) == Verdict(FAILED, "5.0 against 2.0")
+    assert time_verdict("wang2020", "psmnet", times).word == HELD
+    times["psmnet"]["timed_on"] = there
+    assert time_verdict("wang2020", "psmnet", times) == Verdict(UNDECIDED, "5.0 against 9.0", "timed on two machines")
+    for unknown in ({"cpu": "A", "instructions": None}, {}, None):
+        for name in ("psmnet", "wang2020"):
+            unsure = {**times, name: {**times[name], "timed_on": unknown}}
+            found = time_verdict("wang2020", "psmnet", unsure)
+            assert found == Verdict(UNDECIDED, "5.0 against 9.0", "machine not recorded")
     close = error_verdict("wang2020", "sgbm", rows, KNOWN)
     assert close == Verdict(UNDECIDED, "0.400 against 0.410", TOO_CLOSE)
     assert error_verdict("paper-192", "sgbm", rows, KNOWN) == Verdict(NOT_RUN)
     early = error_verdict("wang2020", "psmnet", rows, KNOWN)
     assert (early.word, early.why) == (UNDECIDED, "PSMNet stopped at 3600 of 12800 samples")
-    assert time_verdict("wang2020", "psmnet", rows).word == HELD
-    again = {name: {**row, "timed_on": {"cpu": "A", "instructions": None, "date": name}} for name, row in rows.items()}
-    assert time_verdict("wang2020", "psmnet", again).word == HELD, "one machine, on two days"
-    here, there = ({"cpu": "A", "instructions": known} for known in (["avx2"], None))
-    elsewhere = {name: {**row, "timed_on": there if name == "psmnet" else here} for name, row in rows.items()}
-    assert time_verdict("wang2020", "psmnet", elsewhere) == Verdict(
-        UNDECIDED, "5.0 against 9.0", "timed on two machines"
-    )
     rows["psmnet"]["epe"] = 0.3  # ahead in spite of less training
     assert error_verdict("wang2020", "psmnet", rows, KNOWN).word == FAILED
     # A second seed that is behind takes the lead away.
