@@ -55,7 +55,8 @@ def range_end_table() -> str:
     for name, model in models.items():
         label = records.marked(f"`{name}`", model["model_sha256"])
         heads += [
-            f"{label}: {part}" for part in ("too near, and marked", "of the marked, too near", "correct pixels lost")
+            f"{label}: {part}"
+            for part in ("much too near, and marked", "of the marked, too near", "correct pixels lost")
         ]
     rows = []
     for margins in zip(*(model["margins"] for model in models.values()), strict=True):

@@ -22,13 +22,14 @@ def trust_table(model: str) -> str:
     record = records.read("accuracy/trust")["models"][model]
     rows = []
     for case, found in record["cases"].items():
-        shares = (found["right_called_valid"], found["wrong_called_valid"], found["within_sigma"], found.get("named"))
+        keys = ("right_called_valid", "wrong_called_valid", "wrong_of_valid", "within_sigma", "named")
+        right, wrong, of_valid, within, named = (found.get(key) for key in keys)
         frames = _frames(found["status"])
-        # A fault has no pixels to judge: nothing of the frame is to be used.
-        judged = shares if "named" not in found else (None, None, None, shares[3])
+        # Where all depths are off, what is called right tells nothing. How many of the valid ones are wrong does.
+        judged = (right, wrong, of_valid, within, None) if named is None else (None, None, of_valid, None, named)
         rows.append([case, frames, *("" if share is None else percent(share) for share in judged)])
     heads = [records.marked("pairs", record["model_sha256"]), "frames", "right pixels valid", "wrong pixels valid"]
-    return table([*heads, "error within sigma", "cause named"], rows)
+    return table([*heads, "valid pixels that are wrong", "error within sigma", "cause named"], rows)
 
 
 def min_confidence_table() -> str:

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from benchmarks.tables.ranges import facts_of, largest_disparity
+from benchmarks.tables.ranges import WIDEST_UNRESIZED, facts_of, largest_disparity
 from benchmarks.tables.records import SOURCES, read
 
 
@@ -33,15 +33,40 @@ def gains_of_fast_320():
     return f"{small['fps'] / full['fps']:.1f}", f"{small['stream_fps'] / full['stream_fps']:.1f}"
 
 
-def kernel_gains():
+def kernel_gains(threads):
     """By how much each kernel is faster than the fastest rival."""
-    rectify, resize = (
-        min(one["times_faster"].values())
-        for kernel in ("rectify", "resize_depth")
-        for one in read("speed/kernels")["results"]
-        if (one["kernel"], one["size"], one["threads"]) == (kernel, "960x720", 2)
-    )
-    return f"{rectify:.1f}", f"{resize:.1f}"
+
+    def measured():
+        rectify, resize = (
+            min(one["times_faster"].values())
+            for kernel in ("rectify", "resize_depth")
+            for one in read("speed/kernels")["results"]
+            if (one["kernel"], one["size"], one["threads"]) == (kernel, "960x720", threads)
+        )
+        return f"{rectify:.1f}", f"{resize:.1f}"
+
+    return measured
+
+
+def range_of(model):
+    """Its width at the network's input, and the end of its range, as `docs/models.md` has them."""
+
+    def stated():
+        facts = facts_of(model)
+        width = facts.get("endosdk.inference_width", str(WIDEST_UNRESIZED))
+        return width, f"{100 * largest_disparity(facts) / int(width):.1f}"
+
+    return stated
+
+
+def late_frames_of_the_soak():
+    found = read("speed/soak")
+    assert "--deadline-ms 50" in found["command"] and found["beside"][0] == "2 busy processes"
+    return f"{found['late']:,}", f"{found['frames']:,}", str(found["late_and_unmarked"])
+
+
+def fine_tuning_rate():
+    return (f"{read('studies/fine_tune')['recipe']['rate']:.1e}".replace("e-0", "e-"),)
 
 
 def wider_margin():
@@ -146,8 +171,20 @@ SENTENCES = [
     (
         "docs/numbers.md",
         r"rectification is (\S+) times as fast .* resizing with depth (\S+) times as fast",
-        kernel_gains,
+        kernel_gains(2),
     ),
+    ("docs/numbers.md", r"On one thread, the factors are (\S+) and (\d\.\d)\.", kernel_gains(1)),
+    *(
+        ("docs/models.md", rf"\| `{model}` \| (\d+) px \| 0 to (\S+) \|", range_of(model))
+        for model in ("fast", "fast-320", "accurate")
+    ),
+    ("docs/models.md", r"`wang2020` \| that of the frame up to (\d+) px; .* \| 0 to (\S+), in", range_of("wang2020")),
+    (
+        "docs/limits.md",
+        r"(\S+) of (\S+) frames missed a deadline of 50 ms and were marked\. Another (\S+) were late",
+        late_frames_of_the_soak,
+    ),
+    ("docs/train.md", r"measured fine-tuning of `fast` with a learning rate of (\S+),", fine_tuning_rate),
     (
         "docs/numbers.md",
         r"`fast` falls from (\S+) to (\S+) px on these pairs\. "

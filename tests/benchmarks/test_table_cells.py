@@ -173,10 +173,10 @@ def test_end_of_the_range(given, monkeypatch):
     given({"accuracy/range_end": {"models": {"wang2020": margins(201), "fast": margins(101)}}})
     assert columns(ranges.range_end_table()) == [
         ("margin, px", "0", "**1**"),
-        ("`fast`: too near, and marked", "10.1 %", "**11.1 %**"),
+        ("`fast`: much too near, and marked", "10.1 %", "**11.1 %**"),
         ("`fast`: of the marked, too near", "10.2 %", "**11.2 %**"),
         ("`fast`: correct pixels lost", "10.3 %", "**11.3 %**"),
-        ("`wang2020`: too near, and marked", "20.1 %", "**21.1 %**"),
+        ("`wang2020`: much too near, and marked", "20.1 %", "**21.1 %**"),
         ("`wang2020`: of the marked, too near", "20.2 %", "**21.2 %**"),
         ("`wang2020`: correct pixels lost", "20.3 %", "**21.3 %**"),
     ]
@@ -314,6 +314,7 @@ def test_trust_in_cases(given):
         ("frames", "9 OK", "6 DEGRADED, 3 OK", "9 INVALID"),
         ("right pixels valid", "1.2 %", "2.2 %", ""),
         ("wrong pixels valid", "1.4 %", "2.4 %", ""),
+        ("valid pixels that are wrong", "1.5 %", "2.5 %", "3.5 %"),
         ("error within sigma", "1.6 %", "2.6 %", ""),
         ("cause named", "", "", "44.4 %"),
     ]
@@ -435,9 +436,16 @@ def test_gains_of_the_filter_in_time(given):
     keys = ("flicker_ratio", "jump_ratio", "error_ratio", "jump_ratio_beside_the_tool", "jump_ratio_on_the_tool")
     keys += ("error_ratio_near_tool", "error_ratio_quick", "jump_ratio_at_the_pixel", "flicker_px", "jump_px")
     found = {
-        kind: {"mean": {key: (10 * number + i) / 100 for i, key in enumerate(keys)}, "950002": {}}
+        kind: {
+            film: {key: (shift + 10 * number + i) / 100 for i, key in enumerate(keys)}
+            for film, shift in (("950002", 40), ("mean", 0), ("950003", -5))
+        }
         for number, kind in enumerate(("tool", "flight", "still"), start=1)
     }
+
+    def cell(mean):
+        return f"{mean:.2f}, worst {mean + 0.4:.2f}"
+
     given({"accuracy/temporal": {"model_sha256": "abc", **found}})
     parts = ("flight with a moving tool", "beside the tool", "on the tool", "within 12 px of the tool")
     assert columns(video.temporal_table()) == [
@@ -448,9 +456,9 @@ def test_gains_of_the_filter_in_time(given):
             "flight, every fourth frame",
             *parts,
         ),
-        ("flicker", "0.30", "", "", "", "", "", ""),
-        ("jumps", "0.31", "0.21", "", "0.11", "0.13", "0.14", ""),
-        ("error", "0.32", "0.22", "0.26", "0.12", "", "", "0.15"),
+        ("flicker", cell(0.30), "", "", "", "", "", ""),
+        ("jumps", cell(0.31), cell(0.21), "", cell(0.11), cell(0.13), cell(0.14), ""),
+        ("error", cell(0.32), cell(0.22), cell(0.26), cell(0.12), "", "", cell(0.15)),
     ]
 
 
@@ -466,15 +474,18 @@ def test_intervals_of_measures(given):
             for i, kind in enumerate(("relief", "area", "distance", "depth"))
         }
 
-    sets = {"gi": {"all": measured(1), "polyp": measured(5)}, "lap": {"all": measured(2), "polyp": measured(6)}}
-    given({"accuracy/measuring": {"model_sha256": "abc", "sets": sets, "all": measured(3)}})
+    gi = {"objects": {"polyp": 3, "instrument": 4}, "all": measured(1), "polyp": measured(5)}
+    lap = {"objects": {"polyp": 5, "instrument": 6}, "all": measured(2), "polyp": measured(6)}
+    given({"accuracy/measuring": {"model_sha256": "abc", "sets": {"gi": gi, "lap": lap}, "all": measured(3)}})
+    kinds = ("depth of a point", "distance from edge to edge", "area", "relief")
     assert columns(video.measuring_table()) == [
-        ("measured", "depth of a point", "distance from edge to edge", "area", "relief"),
-        ("times", "33", "32", "31", "30"),
-        ("within, gi", "13.1 %", "12.1 %", "11.1 %", "10.1 %"),
-        ("within, lap", "23.1 %", "22.1 %", "21.1 %", "20.1 %"),
-        ("within, together", "33.1 %", "32.1 %", "31.1 %", "30.1 %"),
-        ("median error", "33.3 %", "32.3 %", "31.3 %", "30.3 %"),
+        ("measured", *(kind for kind in kinds for _ in "ab")),
+        ("set", *(4 * ("gi", "lap"))),
+        ("objects in the set", *(4 * ("7", "11"))),
+        ("times", "13", "23", "12", "22", "11", "21", "10", "20"),
+        ("within the interval", "13.1 %", "23.1 %", "12.1 %", "22.1 %", "11.1 %", "21.1 %", "10.1 %", "20.1 %"),
+        ("rms error, standard errors", "0.13", "0.23", "0.12", "0.22", "0.11", "0.21", "0.10", "0.20"),
+        ("median error", "13.3 %", "23.3 %", "12.3 %", "22.3 %", "11.3 %", "21.3 %", "10.3 %", "20.3 %"),
     ]
 
 
