@@ -46,11 +46,26 @@ void test_a_correction_moves_certain_axes_alone() {
   CHECK(!next_correction(made, error_of({-0.28, 0.0, 0.0}, {0.025, 0.3, 0.04})).has_value());
 }
 
+void test_a_still_picture_makes_a_rotation_hardly_more_certain() {
+  PoseError frame = error_of({0.0, 0.12, 0.0}, {0.05, 0.1, 0.05});
+  for (size_t i = 3; i < pose_terms; ++i) frame.covariance[i * (pose_terms + 1)] = 1e-4;
+  PoseFilter moving;
+  PoseFilter still;
+  for (int i = 0; i < 500; ++i) {
+    moving.add(frame, {}, false);
+    still.add(frame, {}, i > 0);
+  }
+  CHECK(has_drifted(moving.value()));
+  CHECK(!has_drifted(still.value()) && !next_correction({}, still.value()).has_value());
+  CHECK(still.value().standard_error(1) > 0.05 * degree);
+}
+
 }  // namespace
 
 int main() {
   test_an_uncertain_axis_hides_no_other();
   test_chance_is_no_drift();
   test_a_correction_moves_certain_axes_alone();
+  test_a_still_picture_makes_a_rotation_hardly_more_certain();
   return 0;
 }

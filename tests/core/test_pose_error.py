@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import endosdk
 from benchmarks.network_run import NetworkRun
 from endosdk import DepthEstimator, StereoCalibration, _core
 from endosdk.errors import CalibrationRequired
@@ -129,7 +130,7 @@ def test_a_darker_view_turns_no_rig() -> None:
 
 def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
     left, right = cycles_pair(0)
-    with DepthEstimator("fast", calibration=RIG) as estimator:
+    with DepthEstimator("fast", calibration=RIG, min_confidence=0) as estimator:
         clean = estimator.predict(left, right)
         moved = estimator.predict(left, turned(right, (0.0, 0.6, 0.0)))
     assert _core.Cause.RIG_MOVED not in clean.causes
@@ -141,9 +142,26 @@ def test_a_rig_that_moved_is_named_and_sigma_grows() -> None:
     assert np.median(clean.sigma[both]) < 0.5 * np.median(moved.sigma[both])
 
 
-def test_views_of_different_scale_are_named_and_sigma_grows() -> None:
+def test_no_pixel_is_valid_that_a_moved_rig_shifts_beyond_the_limit() -> None:
+    """Yaw of 0.6 degree shifts all pixels by 4.2 px and more, a roll those near the upper and the lower edge alone."""
     left, right = cycles_pair(0)
     with DepthEstimator("fast", calibration=RIG) as estimator:
+        clean = estimator.predict(left, right)
+        yawed = estimator.predict(left, turned(right, (0.0, 0.6, 0.0)))
+        rolled = estimator.predict(left, turned(right, (0.0, 0.0, 0.6)))
+    assert yawed.status is endosdk.Status.INVALID and _core.Cause.RIG_MOVED in yawed.causes
+    assert yawed.valid_share == 0
+    assert rolled.status is endosdk.Status.DEGRADED and _core.Cause.RIG_MOVED in rolled.causes
+    lost = (clean.reasons == 0) & (rolled.reasons != 0)
+    shift = 400 * math.radians(0.6) * np.abs(np.arange(720) - 359.5) / 400  # px, by rows
+    kept = (clean.reasons == 0) & ~lost
+    assert lost[shift > 2.5].sum() > 0.98 * (clean.reasons == 0)[shift > 2.5].sum()
+    assert kept[shift < 0.7].sum() > 0.95 * (clean.reasons == 0)[shift < 0.7].sum()
+
+
+def test_views_of_different_scale_are_named_and_sigma_grows() -> None:
+    left, right = cycles_pair(0)
+    with DepthEstimator("fast", calibration=RIG, min_confidence=0) as estimator:
         clean = estimator.predict(left, right)
         larger = estimator.predict(left, zoomed(right, 1.01))
     with DepthEstimator("fast") as without:
@@ -197,19 +215,22 @@ def test_what_a_rig_adds_to_sigma_equals_twin(isa: str, scale: float, restored_s
     fields = {"disparity": run.disparity, "confidence": run.confidence, "left": run.left}
     fields |= {"right": run.right, "scale": (scale, scale), "view_scale": (0.5, 0.5), "gain": 2.0}
     fields |= {"focal_px": 400.0, "baseline_mm": 10.0}
-    sigmas = []
+    sigmas, confidences = [], []
     for more in ({}, {"pattern": PATTERN}):
         maps = {name: np.empty((720, 960), np.float32) for name in ("disparity", "confidence", "depth", "sigma")}
         maps["reasons"] = np.empty((720, 960), np.uint8)
         _core.postprocess(fields | more, maps)
         sigmas.append(maps["sigma"])
+        confidences.append(maps["confidence"])
     network, found = sigmas
     valid = maps["reasons"] == 0
-    expected = postprocess.rig_sigma(
-        maps["depth"], network, np.array(pose), errors, focal_baseline=4000.0, pattern=PATTERN
-    )
+    moved = postprocess.rig_error((720, 960), np.array(pose), errors, PATTERN)
+    expected = postprocess.rig_sigma(maps["depth"], network, moved, 4000.0)
     np.testing.assert_allclose(found[valid], expected[valid], rtol=1e-3)
     assert np.median(expected[valid] / network[valid]) > 2
+    expected = postprocess.rig_confidence(confidences[0], moved)
+    np.testing.assert_allclose(confidences[1], expected, rtol=0, atol=1e-5)
+    assert np.median(confidences[0] - confidences[1]) > 0.3
 
 
 def test_without_a_calibration_the_rows_alone_are_told() -> None:
@@ -226,10 +247,10 @@ def test_without_a_calibration_the_rows_alone_are_told() -> None:
 
 
 def test_a_stream_flags_drift_and_follows_it() -> None:
-    left, right = cycles_pair(1)
-    pair = left, turned(right, (0.0, 0.25, 0.15))
+    views = [cycles_pair(number) for number in (1, 2, 4)]
+    pairs = [(left, turned(right, (0.0, 0.25, 0.15))) for left, right in views]
     with DepthEstimator("fast", calibration=RIG) as estimator:
-        seen = [result.rig for result in estimator.stream([pair] * 130, follow_rig=True, reuse=True)]
+        seen = [result.rig for result in estimator.stream(pairs * 44, follow_rig=True, reuse=True)]
     assert all(rig is not None for rig in seen)
     first, last = seen[0], seen[-1]
     assert last.drifted and first.corrected_deg == (0.0, 0.0, 0.0)
@@ -238,6 +259,38 @@ def test_a_stream_flags_drift_and_follows_it() -> None:
     assert np.linalg.norm(last.rotation_deg) < 0.3 * np.linalg.norm(first.rotation_deg)
     steps = {rig.corrected_deg for rig in seen}
     assert len(steps) >= 4  # slowly: a tenth of a degree at a time
+
+
+def test_a_picture_that_stands_still_makes_a_rotation_hardly_more_certain() -> None:
+    left, right = cycles_pair(1)
+    pair = left, turned(right, (0.0, 0.25, 0.15))
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        rigs = [result.rig for result in estimator.stream([pair] * 60, reuse=True)]
+    first, last = rigs[0], rigs[-1]
+    assert first is not None and last is not None
+    assert min(last.steady_rotation_se_deg) > 0.8 * min(first.rotation_se_deg)
+    assert last.steady_rotation_deg == pytest.approx(first.rotation_deg, abs=0.01)
+
+
+def test_pairs_that_tell_nothing_of_the_rig_leave_the_steady_rotation_as_it_is() -> None:
+    left, right = cycles_pair(1)
+    bent = turned(right, (0.0, 0.25, 0.15))
+    noise = [np.random.default_rng(seed).integers(-2, 3, left.shape) for seed in range(4)]
+    moving = [np.clip(left + grain, 0, 255).astype(np.uint8) for grain in noise]
+    cases = {
+        "one view twice": [(view, view) for view in moving],
+        "right stands still": [(view, bent) for view in moving],
+    }
+    with DepthEstimator("fast", calibration=RIG) as estimator:
+        for frames in cases.values():
+            seen = [result.rig for result in estimator.stream([(left, bent), *frames])]
+            steady = [rig.steady_rotation_deg for rig in seen if rig is not None]
+            assert len(steady) == 5 and len(set(steady)) == 1
+            assert steady[0] == pytest.approx((0.0, 0.25, 0.15), abs=0.1)
+        others = [
+            rig for result in estimator.stream([(left, bent), (moving[0], np.roll(bent, 1, 1))]) if (rig := result.rig)
+        ]
+        assert others[0].steady_rotation_deg != others[1].steady_rotation_deg
 
 
 def test_a_turned_calibration_undoes_the_turn() -> None:

@@ -21,6 +21,9 @@ class Frozen {
   // the cameras' or on a picture that is shown on purpose: they count from the 25th on.
   int repeats(const Prints& prints);
 
+  // Whether one view alone stands still, from its first repeated frame on.
+  bool one_stands_still() const { return repeats_[0] != repeats_[1]; }
+
  private:
   Prints latest_{};
   bool any_ = false;

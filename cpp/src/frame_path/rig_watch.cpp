@@ -16,8 +16,9 @@ void RigWatch::add(FrameReport& report, Slot& slot) {
     for (const Cause turned : {Cause::rig_moved, Cause::not_rectified, Cause::scales_differ}) {
       if (report.causes.level(turned) != Quality::invalid) report.causes.set(turned, never);
     }
-  } else {
-    pose_.add(report.pose, report.corrected);
+  } else if (!report.causes.raised(Cause::same_view_twice) && !frozen_.one_stands_still()) {
+    // What such a pair tells is no rotation of the rig: its rows fit as the rows of one picture do, or as they did long ago.
+    pose_.add(report.pose, report.corrected, simultaneity_.still());
   }
   report.steady = pose_.value();
   report.trust_ms += milliseconds(started, Clock::now());

@@ -18,6 +18,9 @@ class RigWatch {
   // Takes the next frame, and completes its report. Frames must come in their order.
   void add(FrameReport& report, Slot& slot);
 
+  // A frame has no report: the next one does not follow the last one.
+  void skip() { simultaneity_.skip(); }
+
   // Number of frames since the start whose rotation was measured.
   int frames() const { return pose_.frames(); }
 

@@ -37,8 +37,18 @@ class Simultaneity {
   // and empty while too little is known.
   std::optional<double> motion_between(BrightnessPyramid& view, double row_px, const PoseError& pose);
 
+  // Whether the latest frame shows nearly the same picture as the one before.
+  bool still() const { return still_; }
+
+  // A frame is missing: the next one tells nothing of the motion from one frame to the next.
+  void skip() {
+    has_former_ = false;
+    former_rows_px_.reset();
+  }
+
  private:
   bool has_former_ = false;
+  bool still_ = false;
   BrightnessPyramid former_;
   ImageMotion motion_;
   LagFit right_;  // how late the right view is

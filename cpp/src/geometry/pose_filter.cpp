@@ -10,6 +10,10 @@ namespace {
 constexpr double alike_frames = 4.0;
 constexpr double fading = 1.0 - 1.0 / 300.0;  // per frame
 
+// Frames of a picture that stands still are all wrong in the same way. However many they are, they count as one independent
+// frame, with the value of the latest ones.
+constexpr double fading_still = 1.0 - 1.0 / alike_frames;
+
 constexpr double usual_surprise = 3.0;  // standard errors; a frame that is farther from the filtered value counts less
 constexpr double harmless = 0.0017;     // radians, a tenth of a degree
 constexpr double least_correction = 0.0005;
@@ -28,18 +32,34 @@ double surprise(const PoseError& error, const PoseVector& value, const PoseError
 
 }  // namespace
 
-void PoseFilter::add(const PoseError& error, const PoseVector& corrected) {
+void PoseFilter::Evidence::add(const Evidence& other, double counts) {
+  for (size_t i = 0; i < information.size(); ++i) information[i] += counts * other.information[i];
+  for (size_t i = 0; i < pull.size(); ++i) pull[i] += counts * other.pull[i];
+}
+
+void PoseFilter::Evidence::fade(double factor) {
+  for (double& value : information) value *= factor;
+  for (double& value : pull) value *= factor;
+}
+
+void PoseFilter::add(const PoseError& error, const PoseVector& corrected, bool still) {
   if (!error.measured) return;
   PoseVector value = error.value;
   for (size_t i = 0; i < pose_terms; ++i) value[i] += corrected[i];
   double counts = 1.0 / alike_frames;
   if (value_.measured) counts *= std::min(1.0, usual_surprise / std::max(1e-9, surprise(error, value, value_)));
+  if (!still) {
+    moving_.add(still_, 1.0);
+    still_ = {};
+  }
+  moving_.fade(fading);
+  still_.fade(fading_still);
   const PoseMatrix sure = inverse(error.covariance);
-  const PoseVector pull = multiply(sure, value);
-  for (size_t i = 0; i < information_.size(); ++i) information_[i] = fading * information_[i] + counts * sure[i];
-  for (size_t i = 0; i < pose_terms; ++i) pull_[i] = fading * pull_[i] + counts * pull[i];
-  value_.covariance = inverse(information_);
-  value_.value = multiply(value_.covariance, pull_);
+  (still ? still_ : moving_).add({sure, multiply(sure, value)}, counts);
+  Evidence all = moving_;
+  all.add(still_, 1.0);
+  value_.covariance = inverse(all.information);
+  value_.value = multiply(value_.covariance, all.pull);
   value_.vertical_px = error.vertical_px;
   value_.vertical_se_px = error.vertical_se_px;
   value_.measured = true;

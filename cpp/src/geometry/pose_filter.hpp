@@ -10,8 +10,8 @@ namespace endosdk {
 class PoseFilter {
  public:
   // Adds a frame. `corrected` is the part of the error that its rectification already corrected. A frame without a measurement
-  // changes nothing.
-  void add(const PoseError& error, const PoseVector& corrected);
+  // changes nothing. `still`: it shows the same picture as the frame before, so it tells little more.
+  void add(const PoseError& error, const PoseVector& corrected, bool still);
 
   // The pose error against the calibration, without corrections. It is not measured before the first frame.
   const PoseError& value() const { return value_; }
@@ -20,8 +20,16 @@ class PoseFilter {
   int frames() const { return frames_; }
 
  private:
-  PoseMatrix information_{};
-  PoseVector pull_{};
+  struct Evidence {
+    PoseMatrix information{};
+    PoseVector pull{};
+
+    void add(const Evidence& other, double counts);
+    void fade(double factor);
+  };
+
+  Evidence moving_;
+  Evidence still_;  // of the frames since the picture stands still
   PoseError value_;
   int frames_ = 0;
 };

@@ -250,6 +250,11 @@ ImageMotion::Shift ImageMotion::middle() {
   return {of(x_), of(y_)};
 }
 
+float ImageMotion::usual_length() {
+  for (size_t i = 0; i < x_.size(); ++i) former_x_[i] = std::hypot(x_[i], y_[i]);
+  return median(former_x_);
+}
+
 ImageMotion::Shift ImageMotion::at(float x, float y) const {
   constexpr float middle = (patch - 1) / 2.0f;
   const Between column((x - middle) / step, patches_.width);

@@ -70,6 +70,9 @@ class ImageMotion {
   // The median over all patches.
   Shift middle();
 
+  // The median length of a shift over all patches.
+  float usual_length();
+
  private:
   void refine(const FloatView& now, const FloatView& before);
   void start(Size patches, bool coarsest);

@@ -35,13 +35,15 @@ def rig_error(report: _core.FrameReport, calibrated: bool) -> RigError | None:
     if report.pose is None:
         return None
     _, _, rows, rows_se = report.pose
+    # Without one yet where no frame so far was of two views.
+    steady = report.steady if calibrated else None
     return RigError(
         vertical_disparity_px=rows,
         vertical_disparity_se_px=rows_se,
         rotation_deg=_angles(report.pose) if calibrated else None,
         rotation_se_deg=_errors(report.pose) if calibrated else None,
-        steady_rotation_deg=_angles(report.steady) if calibrated else None,
-        steady_rotation_se_deg=_errors(report.steady) if calibrated else None,
+        steady_rotation_deg=None if steady is None else _angles(steady),
+        steady_rotation_se_deg=None if steady is None else _errors(steady),
         drifted=calibrated and report.drifted,
         corrected_deg=_degrees(report.corrected),
     )
