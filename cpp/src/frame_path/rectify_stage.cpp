@@ -48,8 +48,13 @@ RectifyStage::RectifyStage(Size frame, const Rig* rig, std::optional<Size> netwo
   const Border border = moves_ ? Border::fading : Border::whole;
   rectifier_.emplace(source.rectifier(geometry.scaled(picture_), border));
   checkpoint();
-  if (moves_ && resized) full_.emplace(source.rectifier(geometry, border));
-  checkpoint();
+  if (!moves_) return;
+  for (const bool right : {false, true}) {
+    const size_t side = right ? 1 : 0;
+    if (resized) own_masks_[side] = valid_pixels(source.view(right, geometry), frame, geometry.size);
+    masks_[side] = resized ? own_masks_[side].data() : (right ? rectifier_->valid_right() : rectifier_->valid_left()).data();
+    checkpoint();
+  }
 }
 
 std::vector<Point> RectifyStage::places_of_cells(const Rig* rig, bool right) const {

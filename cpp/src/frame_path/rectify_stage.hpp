@@ -27,6 +27,8 @@ class RectifyStage {
   // `corrected`: turns of the right camera against its calibration that the rectification undoes; they need a rig.
   RectifyStage(Size frame, const Rig* rig, std::optional<Size> network, const std::function<void()>& checkpoint,
                const PoseVector& corrected = {});
+  RectifyStage(const RectifyStage&) = delete;
+  RectifyStage& operator=(const RectifyStage&) = delete;
 
   Size frame() const { return frame_; }
   Size picture() const { return picture_; }
@@ -48,16 +50,10 @@ class RectifyStage {
   const BlocksOfCells& blocks() const { return blocks_; }
 
   // Masks of the frame's size; null when every pixel is valid.
-  const uint8_t* valid_left() const { return masks() ? masks()->valid_left().data() : nullptr; }
-  const uint8_t* valid_right() const { return masks() ? masks()->valid_right().data() : nullptr; }
+  const uint8_t* valid_left() const { return masks_[0]; }
+  const uint8_t* valid_right() const { return masks_[1]; }
 
  private:
-  // The masks belong to the maps that are returned, which keep the size of the frames.
-  const Rectifier* masks() const {
-    if (full_) return &*full_;
-    return moves_ && rectifier_ ? &*rectifier_ : nullptr;
-  }
-
   // Places in the raw frame that the middles of cells show, row by row. A null rig: the frames are only resized.
   std::vector<Point> places_of_cells(const Rig* rig, bool right) const;
   void place_field(const Rig& rig, bool right);
@@ -69,7 +65,10 @@ class RectifyStage {
   double right_shift_ = 0.0;
   bool moves_ = false;  // whether pixels come to lie elsewhere, other than by resizing
   std::optional<Rectifier> rectifier_;
-  std::optional<Rectifier> full_;
+  // The masks belong to the maps that are returned, which keep the size of the frames: of other pictures they are not those
+  // of the rectifier.
+  std::vector<uint8_t> own_masks_[2];
+  const uint8_t* masks_[2] = {nullptr, nullptr};
   std::optional<FieldOfView> fields_[2];
   BlocksOfCells blocks_;
 };

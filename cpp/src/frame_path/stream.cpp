@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "functions/function.hpp"
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
 #include "platform/threads.hpp"
@@ -30,6 +31,7 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
       frames_(static_cast<size_t>(lanes_) + 1),
       stage_(std::move(stage)) {
   for (Frame& frame : frames_) frame.slot = std::make_shared<Slot>(stage_, session_);
+  Scratch::expect_calls(lanes_);
   threads_.reserve(static_cast<size_t>(lanes_));
   const std::vector<uint8_t> black(rgb_bytes(size_));
   const ImageView view = {black.data(), size_.width, size_.height, 3, ptrdiff_t{3} * size_.width};
@@ -69,9 +71,10 @@ void Stream::submit(const FramePair& pair, const MapsOut& maps, void* tag, Clock
   const Size size = size_;
   require(pair.size() == size, "left", Text("must have the size of the stream, ", size), pair.size());
   check_maps(maps, size, rig_ != nullptr);
-  const bool room = wait_for_room();
-  require(room, "stream", "must not have ended", "an ended one");
+  // Under one lock with the entry: a stream that ends meanwhile has taken the frame, or refuses it.
   std::unique_lock lock(mutex_);
+  change_.wait(lock, [&] { return has_room() || ended_ || closed_; });
+  require(!ended_ && !closed_, "stream", "must not have ended", "an ended one");
   Frame& frame = at(submitted_);
   frame.pair = pair;
   frame.maps = maps;
@@ -107,7 +110,10 @@ std::optional<Stream::Answer> Stream::receive() {
   Answer answer = std::move(frame.answer);
   lock.unlock();
   try {
-    if (answer.error) std::rethrow_exception(answer.error);
+    if (answer.error) {
+      skip_frame();
+      std::rethrow_exception(answer.error);
+    }
     const Clock::time_point watched = Clock::now();
     watch_rig(answer.report, *frame.slot);
     path_->finish(answer.report, waited + (Clock::now() - watched));
@@ -127,6 +133,11 @@ void Stream::follow_rig() {
   require(!closed_, "stream", "must not have ended", "an ended one");
   if (!follower_.joinable()) follower_ = new_thread([this] { follow(); });
   change_.wait(lock, [&] { return following_ || closed_; });
+}
+
+void Stream::skip_frame() {
+  const std::lock_guard lock(mutex_);
+  watch_.skip();
 }
 
 // Takes one frame's pose error, in the order of the frames, and asks for the correction that later frames shall have.
@@ -160,11 +171,15 @@ void Stream::follow() {
   }
 }
 
-// None where it cannot be made, as for want of memory: the rectification stays as it is, and the frames say that the rig has
+// None where it cannot be made, as for want of memory, or is not needed any more: the rectification stays as it is, and the frames say that the rig has
 // moved. No exception may leave the thread, not even one of the host's log.
 std::shared_ptr<const RectifyStage> Stream::corrected_stage(const PoseVector& correction) {
   try {
-    auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture_, [] {}, correction);
+    const auto needed = [this] {  // nobody waits for the maps of a stream that is closed
+      const std::lock_guard lock(mutex_);
+      require(!closed_, "stream", "must not have ended", "an ended one");
+    };
+    auto stage = std::make_shared<const RectifyStage>(size_, rig_.get(), picture_, needed, correction);
     path_->tell_correction(correction);
     return stage;
   } catch (...) {

@@ -81,6 +81,7 @@ class Stream {
   void begin(int lane, const ImageView& black);
   void serve();
   void work(Frame& frame, uint64_t number);
+  void skip_frame();
   void watch_rig(FrameReport& report, Slot& slot);
   void follow();
   std::shared_ptr<const RectifyStage> corrected_stage(const PoseVector& correction);

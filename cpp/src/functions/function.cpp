@@ -1,7 +1,7 @@
 #include "functions/function.hpp"
 
+#include <atomic>
 #include <iterator>
-#include <new>
 #include <string>
 
 #include "platform/errors.hpp"
@@ -13,6 +13,8 @@ namespace {
 // A file may ask for any shape, also for one without values; loops count in 32 bits.
 constexpr int64_t longest_shape_side = 1 << 20;
 constexpr int64_t most_values = 1 << 28;
+
+std::atomic<int> calls_at_once{1};
 
 constexpr Element bytes = Element::uint8;
 constexpr Element floats = Element::float32;
@@ -49,24 +51,32 @@ std::ostream& operator<<(std::ostream& out, const Shape& shape) {
   return out << "[" << sides << "]";
 }
 
-Scratch::Lent::Lent(Scratch& owner, size_t count) : owner_(owner) {
-  {
-    const std::lock_guard lock(owner.mutex_);
-    if (!owner.spare_.empty()) {
-      values_ = std::move(owner.spare_.back());
-      owner.spare_.pop_back();
-    }
-  }
-  if (values_.size() < count) values_.resize(count);
-}
+Scratch::Lent::Lent(Scratch& owner, size_t count) : owner_(owner), values_(owner.lend(count)) {}
 
 Scratch::Lent::~Lent() {
   const std::lock_guard lock(owner_.mutex_);
-  try {
-    owner_.spare_.push_back(std::move(values_));
-  } catch (const std::bad_alloc&) {
-    // Not kept: the next call takes other memory, or says that there is none.
+  owner_.spare_.push_back(std::move(values_));
+  --owner_.lent_;
+}
+
+void Scratch::expect_calls(int count) {
+  int known = calls_at_once;
+  while (known < count && !calls_at_once.compare_exchange_weak(known, count)) {
   }
+}
+
+std::vector<float> Scratch::lend(size_t count) {
+  const std::lock_guard lock(mutex_);
+  const size_t all = std::max(lent_ + 1, static_cast<size_t>(calls_at_once));
+  spare_.reserve(all);
+  while (lent_ + spare_.size() < all) spare_.emplace_back();
+  for (std::vector<float>& spare : spare_) {
+    if (spare.size() < count) spare.resize(count);
+  }
+  std::vector<float> values = std::move(spare_.back());
+  spare_.pop_back();
+  ++lent_;
+  return values;
 }
 
 const FunctionKind* function_kind(int i) { return i < static_cast<int>(std::size(kinds)) ? &kinds[i] : nullptr; }

@@ -83,9 +83,15 @@ class Scratch {
     std::vector<float> values_;
   };
 
+  // From now on, so many calls of one function may run at the same time. The next call reserves memory for all of them.
+  static void expect_calls(int count);
+
  private:
+  std::vector<float> lend(size_t count);
+
   std::mutex mutex_;
-  std::vector<std::vector<float>> spare_;
+  size_t lent_ = 0;
+  std::vector<std::vector<float>> spare_;  // it has room for those that are lent
 };
 
 // Calls `body(y, memory)` for each row, several rows at a time. `memory` has `values` floats, which no other thread uses.

@@ -49,7 +49,26 @@ int pixel_or_black(const ImageView& image, int x, int y, int channel) {
   return image.row(y)[static_cast<ptrdiff_t>(x) * image.channels + channel];
 }
 
+// Whether the source position lies inside an image of this size, and the lens model is one-to-one there.
+bool is_valid(const SourceMap::Source& found, Size size) {
+  const Point p = found.pixel;
+  return found.unfolded && p.x >= -rounding_px && p.y >= -rounding_px && p.x <= size.width - 1.0 + rounding_px &&
+         p.y <= size.height - 1.0 + rounding_px;
+}
+
 }  // namespace
+
+std::vector<uint8_t> valid_pixels(const ViewGeometry& view, Size raw, Size rectified) {
+  std::vector<uint8_t> valid(count_of(rectified));
+  const SourceMap map(view);
+  parallel_for(rectified.height, rows_per_block, [&](int begin, int end, int) {
+    for (int y = begin; y < end; ++y) {
+      uint8_t* const row = valid.data() + static_cast<ptrdiff_t>(y) * rectified.width;
+      for (int x = 0; x < rectified.width; ++x) row[x] = is_valid(map.at(x, y), raw);
+    }
+  });
+  return valid;
+}
 
 ViewMap::ViewMap(const ViewGeometry& view, const MapSource& source, Size rectified) : size_(rectified) {
   const size_t pixels = rectified.width * rectified.height;
@@ -96,14 +115,11 @@ ViewMap::Kind ViewMap::place(Point position, const MapSource& source, size_t ind
 }
 
 void ViewMap::build_row(const SourceMap& map, const MapSource& source, int y, Kind* kinds) {
-  const double right = source.size.width - 1.0 + rounding_px;
-  const double bottom = source.size.height - 1.0 + rounding_px;
   for (int x = 0; x < size_.width; ++x) {
     const size_t index = y * size_.width + x;
     const SourceMap::Source found = map.at(x, y);
-    const Point p = found.pixel;
-    valid_[index] = found.unfolded && p.x >= -rounding_px && p.y >= -rounding_px && p.x <= right && p.y <= bottom;
-    kinds[index] = place(p, source, index);
+    valid_[index] = is_valid(found, source.size);
+    kinds[index] = place(found.pixel, source, index);
   }
 }
 

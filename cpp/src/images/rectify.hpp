@@ -57,6 +57,9 @@ class ViewMap {
   std::vector<size_t> row_spans_;  // spans of row y: row_spans_[y] to row_spans_[y + 1]
 };
 
+// The same masks for a rectified picture at least half as large as the raw one, without a map. Row by row.
+std::vector<uint8_t> valid_pixels(const ViewGeometry& view, Size raw, Size rectified);
+
 // Scratch memory for one frame. It is kept between frames, so that a frame allocates nothing.
 struct RectifyScratch {
   ReducedFrame left, right;

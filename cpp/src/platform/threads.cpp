@@ -81,6 +81,7 @@ class Pool {
   void run(const FunctionReference<>* own, int count, int block, const LoopBody& body, int workers) {
     const std::unique_lock running(running_, std::try_to_lock);
     if (!running.owns_lock()) {
+      const InLoop in_loop;
       if (own != nullptr) (*own)();
       run_alone(count, block, body);
       return;

@@ -98,10 +98,13 @@ class Feeder:
     def close(self) -> None:
         """End the stream."""
         self._over = True
-        if self._stream is not None:
-            self._stream.close()
+        opened = self._stream
+        if opened is not None:
+            opened.close()
         if self._reader.is_alive() and self._reader is not threading.current_thread():
             self._reader.join(SOURCE_PATIENCE_S if self._drawing else None)
+        if opened is None and self._stream is not None:  # the reader was just opening it
+            self._stream.close()
 
     def _read(self) -> None:
         try:
@@ -143,6 +146,8 @@ class Feeder:
             self._stream = self._open_stream(width, height)
             self._size = (width, height)
             self._started.set()
+            if self._over:  # nobody would make room for a second pair
+                return
         self._frames.append(frame)
         # Maps of the first pair's size: one of another size is then refused for what it is.
         maps = self._maps_for(number, self._stream, self._size)
