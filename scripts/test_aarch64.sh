@@ -13,8 +13,8 @@ done
 PATH=$PATH:$PWD/.venv/bin
 arm=build/aarch64
 cmake -S . -B $arm -G Ninja -DCMAKE_TOOLCHAIN_FILE=cmake/aarch64-linux-gnu.cmake -DENDOSDK_BUILD_TESTS=ON -DENDOSDK_PRECOMPILE=ON > /dev/null
-cmake --build $arm --target endosdk test_kernel_bytes test_kernels test_calibration test_threads library_header library_units
-ctest --test-dir $arm --output-on-failure --no-tests=error -R '^(kernel_bytes|kernels|calibration|threads|library_header|library_units)$'
+cmake --build $arm --target endosdk test_kernel_bytes test_kernels test_calibration test_pose_filter test_threads library_header library_units
+ctest --test-dir $arm --output-on-failure --no-tests=error -R '^(kernel_bytes|kernels|calibration|pose_filter|threads|library_header|library_units)$'
 
 here=$(scripts/kernel_bytes.sh)
 diff <($here) <(qemu-aarch64 -L /usr/aarch64-linux-gnu $arm/cpp/tests/test_kernel_bytes)

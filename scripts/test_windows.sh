@@ -29,9 +29,9 @@ if [ -n "$runtime" ] && [ ! -f "$runtime/onnxruntime.dll" ]; then
 fi
 
 cmake -S . -B $windows -G Ninja -DCMAKE_TOOLCHAIN_FILE=cmake/x86_64-w64-mingw32.cmake -DENDOSDK_BUILD_TESTS=ON > /dev/null
-parts="kernel_bytes kernels calibration threads library_header library_units"
+parts="kernel_bytes kernels calibration pose_filter threads library_header library_units"
 models="library_maps library_models library_streams"
-cmake --build $windows --target endosdk $(printf 'test_%s ' kernel_bytes kernels calibration threads) library_header \
+cmake --build $windows --target endosdk $(printf 'test_%s ' kernel_bytes kernels calibration pose_filter threads) library_header \
   library_units $models
 # A program finds the library in its own folder.
 cp $windows/cpp/libendosdk.dll $windows/cpp/tests/library/

@@ -15,7 +15,7 @@ def run_tests(folder: Path, pattern: str) -> None:
 
 
 def test_programs(installed):
-    run_tests(installed.build, "^library")
+    run_tests(installed.build, ".")
 
 
 def test_under_sanitizers(sanitized):

@@ -48,6 +48,7 @@ def test_missing_key_is_named(key):
         ("format_version", "2"),
         ("input_multiple", "0"),
         ("output_stride", "-4"),
+        ("output_stride", "3"),
         ("max_disparity", "many"),
         ("inference_width", "wide"),
         ("max_candidate_disparity", "63.5"),

@@ -191,12 +191,14 @@ def test_provider_options_as_text():
         _core.checked_provider_options("cuda", [("device_id", "0"), ("device_id", "1")])
 
 
-def test_cuda_rounds_floats_only_where_asked_to():
+def test_a_provider_rounds_floats_only_where_asked_to():
     """Rounded to 10 bits, what a convolution multiplies moves disparities where two planes are nearly equal."""
     assert checked_options("cuda", {"device_id": 1}) == {"device_id": "1", "use_tf32": "0"}
     assert checked_options("CUDAExecutionProvider", None) == {"use_tf32": "0"}
     assert checked_options("cuda", {"use_tf32": 1}) == {"use_tf32": "1"}
-    assert checked_options("openvino", {"device_type": "CPU"}) == {"device_type": "CPU"}
+    assert checked_options("openvino", {"device_type": "GPU"}) == {"device_type": "GPU", "precision": "ACCURACY"}
+    assert checked_options("openvino", {"precision": "FP16"}) == {"precision": "FP16"}
+    assert checked_options("webgpu", None) == {}
     assert checked_options("cpu", None) == {}
 
 

@@ -132,6 +132,8 @@ ModelInfo parse_metadata(const MetadataLookup& lookup, const std::string& sha256
   info.version = required(lookup, "version");
   info.input_multiple = positive(lookup, "input_multiple");
   info.output_stride = positive(lookup, "output_stride");
+  require(info.input_multiple % info.output_stride == 0, ENDO_MODEL_METADATA, prefix + "output_stride",
+          Text("must divide input_multiple, ", info.input_multiple), info.output_stride);
   info.max_disparity = positive(lookup, "max_disparity");
   info.max_candidate_disparity = optional(lookup, max_candidate_disparity_key);
   require(info.max_candidate_disparity <= info.max_disparity, ENDO_MODEL_METADATA, prefix + max_candidate_disparity_key,

@@ -23,9 +23,15 @@ bool is_recording(const std::string& key, const std::string& value) {
   return !off && std::find(recording.begin(), recording.end(), key) != recording.end();
 }
 
-// By default, CUDA rounds the factors of convolutions to 10 bits. This changes the disparities of a float32 model.
-constexpr const char* rounded_floats = "use_tf32";
-
+// By default, CUDA rounds the factors of convolutions to 10 bits, and OpenVINO computes with 16 bits on a GPU or an NPU. This
+// changes the disparities of a float32 model.
+struct WholeFloats {
+  std::string_view provider, key, value;
+};
+constexpr std::array<WholeFloats, 2> whole_floats = {{
+    {cuda_provider, "use_tf32", "0"},
+    {openvino_provider, "precision", "ACCURACY"},
+}};
 
 void check(const std::string& provider, const ProviderOptions& options) {
   std::set<std::string> seen;
@@ -54,9 +60,11 @@ ProviderOptions parse_provider_options(const std::vector<std::string>& texts) {
 ProviderOptions checked_provider_options(const std::string& provider, ProviderOptions options) {
   const std::string name = full_provider_name(provider);
   check(name, options);
-  const auto chosen = [](const auto& option) { return option.first == rounded_floats; };
-  const bool free = std::none_of(options.begin(), options.end(), chosen);
-  if (free && name == cuda_provider) options.emplace_back(rounded_floats, "0");
+  for (const WholeFloats& added : whole_floats) {
+    const auto chosen = [&](const auto& option) { return option.first == added.key; };
+    const bool free = std::none_of(options.begin(), options.end(), chosen);
+    if (free && name == added.provider) options.emplace_back(added.key, added.value);
+  }
   return options;
 }
 

@@ -8,6 +8,7 @@ namespace endosdk {
 
 constexpr const char* cpu_provider = "CPUExecutionProvider";
 constexpr const char* cuda_provider = "CUDAExecutionProvider";
+constexpr const char* openvino_provider = "OpenVINOExecutionProvider";
 
 struct Provider {
   const char* name;           // what users write
@@ -21,7 +22,7 @@ constexpr Provider providers[] = {
     {"cpu", cpu_provider, cpu_provider, false, true},
     {"cuda", cuda_provider, "CUDA", true, false},
     {"tensorrt", "TensorrtExecutionProvider", "TensorRT", true, false},
-    {"openvino", "OpenVINOExecutionProvider", "OpenVINO", true, false},
+    {"openvino", openvino_provider, "OpenVINO", true, false},
     {"directml", "DmlExecutionProvider", "DML", true, false},
     {"coreml", "CoreMLExecutionProvider", "CoreML", true, false},
     {"xnnpack", "XnnpackExecutionProvider", "XNNPACK", true, true},
