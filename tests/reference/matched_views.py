@@ -14,6 +14,7 @@ LEAST_CORRELATION = _core.cause_facts[Cause.VIEWS_DIFFER]["invalid"]
 LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
 
 FALLING = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
+SMOOTHED = 6 / 16  # of the variance of noise, by the mask 1 2 1 of the brightness
 GLARING = 225.0  # grey level from which a cell does not count
 
 
@@ -80,7 +81,7 @@ def gain_of_views(disparity: np.ndarray, left: np.ndarray, right: np.ndarray, he
         return 1.0
     mean = [np.average(view[some], weights=weights) for view in (seen.here, seen.there)]
     varies = [
-        np.average((view[some] - middle) ** 2, weights=weights) - noise
+        np.average((view[some] - middle) ** 2, weights=weights) - noise * SMOOTHED
         for view, middle, noise in zip((seen.here, seen.there), mean, seen.noise, strict=True)
     ]
     return float(np.clip(np.sqrt(varies[0] / varies[1]), 0.25, 4)) if min(varies) > 4 else 1.0
@@ -103,7 +104,7 @@ def correlation_of_views(
         return np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)), unit
     here, matched, inside, found, noises, _ = matches_of(disparity, left, right, height, width)
     rows, cells = here.shape
-    left_noise, right_noise = (6 / 16 * noise for noise in noises)
+    left_noise, right_noise = (SMOOTHED * noise for noise in noises)
     correlation, share, odds = np.full((rows, cells), np.nan), np.ones((rows, cells)), np.ones((rows, cells))
     flat = 0.3 + max(left_noise, right_noise)
     for row, cell in np.ndindex(rows, cells):

@@ -202,8 +202,10 @@ def _blur(columns: list[np.ndarray], inside: list[np.ndarray], noises: list[floa
     before, wanted = sharp[sharper], sharp[1 - sharper]
     for passes in range(1, 25):
         here = sharpness(sharper, passes)
-        if not here > wanted:
-            return float(np.sqrt(0.5 * (passes - 1 + (before - wanted) / max(1e-9, before - here))))
+        if np.isnan(here):  # nothing but noise is left: it takes at least this much to be as soft as the other view
+            return float(np.sqrt(0.5 * (passes - 1)))
+        if here <= wanted:
+            return float(np.sqrt(0.5 * min(24, passes - 1 + (before - wanted) / max(1e-9, before - here))))
         before = here
     return float(np.sqrt(0.5 * 24))
 

@@ -18,6 +18,7 @@ constexpr double one_in_a_thousand = 3.09;  // standard deviations
 constexpr int rows_per_gain = 8;  // contrast is read in every eighth row
 constexpr double least_contrast = 4.0;  // grey levels squared; less tells nothing of the gain
 constexpr double most_gain = 4.0;
+constexpr double smoothed = (1.0 + 4.0 + 1.0) / 16.0;  // what the mask 1 2 1 of the brightness leaves of the noise of a column
 constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 
 // Standard deviation of the noise, from the median size of the mixed second difference. A mask of 1 -2 1 along both axes makes
@@ -73,7 +74,7 @@ void MatchedViews::compare(const FloatView& disparity, const PlanarView& left, c
   make_room(picture);
   known_ = known;
   if (count_of(cells_) == 0) {
-    left_noise_ = right_noise_ = mean_correlation_ = most_correlation_ = textured_share_ = 0.0;
+    left_noise_ = right_noise_ = most_correlation_ = textured_share_ = 0.0;
     gain_ = 1.0;
     return;
   }
@@ -159,7 +160,7 @@ void MatchedViews::find_gain() {
   const double count = std::max(1.0, total[0]);
   const auto contrast = [&](size_t view) {
     const double mean = total[1 + view] / count;
-    return total[3 + view] / count - mean * mean - noise_of_column(static_cast<int>(view));
+    return total[3 + view] / count - mean * mean - smoothed * noise_of_column(static_cast<int>(view));
   };
   const double left = contrast(0);
   const double right = contrast(1);
@@ -167,7 +168,6 @@ void MatchedViews::find_gain() {
 }
 
 void MatchedViews::correlate() {
-  constexpr double smoothed = (1.0 + 4.0 + 1.0) / 16.0;
   const auto left_variance = static_cast<float>(smoothed * noise_of_column(0));
   const auto right_variance = static_cast<float>(smoothed * noise_of_column(1));
   const auto correlate_rows = [&](int begin, int end, int) {
@@ -253,9 +253,9 @@ void MatchedViews::sum_up() {
   const double squared = total(squares, width);
   const double textured = total(known, width);
   const double windows = std::max(1.0, textured / correlation_cells);
-  mean_correlation_ = textured > 0 ? sum / textured : 0.0;
-  const double variance = textured > 0 ? std::max(0.0, squared / textured - mean_correlation_ * mean_correlation_) : 1.0;
-  most_correlation_ = mean_correlation_ + one_in_a_thousand * std::sqrt(variance / windows);
+  const double mean = textured > 0 ? sum / textured : 0.0;
+  const double variance = textured > 0 ? std::max(0.0, squared / textured - mean * mean) : 1.0;
+  most_correlation_ = mean + one_in_a_thousand * std::sqrt(variance / windows);
   textured_share_ = textured / (field(0).share() * static_cast<double>(correlation_.size()));
 }
 

@@ -86,7 +86,6 @@ class MatchedViews {
 
   // Mean correlation of all cells that can be compared, 0 if there are none. Its upper bound, which the true mean exceeds for
   // one pair in a thousand. The share of the field of view that these cells make up.
-  double correlation() const { return mean_correlation_; }
   double most_correlation() const { return most_correlation_; }
   double textured_share() const { return textured_share_; }
 
@@ -109,7 +108,6 @@ class MatchedViews {
   double left_noise_ = 0.0;
   double right_noise_ = 0.0;
   double gain_ = 1.0;
-  double mean_correlation_ = 0.0;
   double most_correlation_ = 0.0;
   double textured_share_ = 0.0;
   Fields known_{};

@@ -208,7 +208,11 @@ double ViewMeasures::find_blur(const MatchedViews& views, int picture_width) {
   for (int i = 1; i <= most_passes; ++i) {
     blur_rows(views, sharper);
     const double here = sharpness(views, sharper, i);
-    if (!(here > wanted)) {
+    if (std::isnan(here)) {  // nothing but noise is left: it takes at least this much to be as soft as the other view
+      passes = i - 1;
+      break;
+    }
+    if (here <= wanted) {
       passes = i - 1 + (before - wanted) / std::max(1e-9, before - here);
       break;
     }
