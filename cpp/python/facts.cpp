@@ -70,6 +70,7 @@ void bind_causes(py::module_& m) {
     facts[py::cast(f.cause)] = fact;
   }
   m.attr("cause_facts") = facts;
+  m.def("least_turn_deg", &least_turn, py::arg("focal_widths"), "Rotation from which RIG_MOVED is raised, with a lens of this focal length.");
 }
 
 void bind_output_maps(py::module_& m) {

@@ -64,6 +64,9 @@ class _CauseFact(TypedDict):
 # The table from which a frame's status follows.
 cause_facts: dict[Cause, _CauseFact]
 
+def least_turn_deg(focal_widths: float) -> float:
+    """Rotation from which RIG_MOVED is raised, with a lens of this focal length in widths of the frame."""
+
 # What a metric output without a calibration is refused with.
 calibration_rule: str
 

@@ -12,8 +12,9 @@ import pytest
 
 import endosdk
 from endosdk import Cause, Reason, Status, _core
+from endosdk.commands.cli import main
 from endosdk.measure import rectified_to_raw
-from tests.conftest import TINY_MODEL, noisy, shifted_pair
+from tests.conftest import ROOT, TINY_MODEL, noisy, shifted_pair
 from tests.core_rigs import every_isa
 from tests.reference import matched_views, resampling, view_measures
 from tests.rigs import raw_rig
@@ -91,6 +92,16 @@ def test_a_frame_that_must_not_be_used_has_no_depth():
     assert result.status is Status.INVALID and result.valid_share == 0
     assert np.isnan(result.depth).all() and np.isnan(result.sigma).all() and not result.confidence.any()
     assert ((result.reasons & Reason.LOW_CONFIDENCE) != 0).all()
+
+
+def test_the_limit_of_a_turn_falls_with_the_focal_length(capsys, tmp_path):
+    assert _core.least_turn_deg(0.2) == _core.least_turn_deg(0.42) == _core.cause_facts[Cause.RIG_MOVED]["degraded"]
+    assert _core.least_turn_deg(0.84) == pytest.approx(0.125)
+    rig = endosdk.StereoCalibration.rectified(0.84 * 960, 4.1, (960, 720))
+    rig.save(tmp_path / "rig.json")
+    pair = [str(ROOT / "examples" / "data" / "demo" / f"{side}.png") for side in ("left", "right")]
+    main(["doctor", "--pair", *pair, "--calibration", str(tmp_path / "rig.json")])
+    assert "(RIG_MOVED from 0.125)" in capsys.readouterr().out
 
 
 def test_a_late_frame_says_how_late():

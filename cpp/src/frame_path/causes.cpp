@@ -25,9 +25,7 @@ Quality Causes::level(Cause cause) const {
   return beyond(measured, cause == Cause::rig_moved ? least_turn_ : fact.degraded, fact.bad) ? Quality::degraded : Quality::ok;
 }
 
-void Causes::set_focal(double widths) {
-  least_turn_ = cause_facts[index(Cause::rig_moved)].degraded * std::min(1.0, focal_of_table / widths);
-}
+void Causes::set_focal(double widths) { least_turn_ = least_turn(widths); }
 
 uint64_t Causes::bits() const {
   uint64_t bits = 0;
@@ -42,6 +40,8 @@ Quality Causes::status() const {
   for (const CauseFact& fact : cause_facts) worst = std::max(worst, level(fact.cause));
   return worst;
 }
+
+double least_turn(double widths) { return fact_of(ENDO_CAUSE_RIG_MOVED)->degraded * std::min(1.0, focal_of_table / widths); }
 
 const CauseFact* fact_of(int cause) { return cause >= 0 && cause < cause_count ? &cause_facts[cause] : nullptr; }
 

@@ -109,6 +109,9 @@ static_assert(sizeof cause_facts / sizeof cause_facts[0] == cause_count && cause
 // length, in widths. Beyond it, the limit is the rotation that moves the image as far.
 constexpr double focal_of_table = 0.42;
 
+// The rotation from which `rig_moved` is raised, degrees, with a lens of this focal length in widths of the frame.
+double least_turn(double widths);
+
 // The causes of one frame. A cause that was not measured has the measure NaN, and is not raised.
 class Causes {
  public:

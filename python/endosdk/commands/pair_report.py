@@ -52,16 +52,19 @@ def _causes(report: Report, result: DepthResult) -> None:
     for cause, measure in result.causes.items():
         fact = _core.cause_facts[cause]
         report.line(f"cause        {cause.name}: {fact['meaning']}")
-        report.line(f"measured     {fact['measure']}: {measure:.3g} ({_limit(cause)})")
+        report.line(f"measured     {fact['measure']}: {measure:.3g} ({_limit(cause, result)})")
         report.line(f"             what to do: {fact['remedy']}")
     for cause, measure in result.measures.items():
         if cause not in result.causes:
-            report.line(f"measured     {_core.cause_facts[cause]['measure']}: {measure:.3g} ({_limit(cause)})")
+            report.line(f"measured     {_core.cause_facts[cause]['measure']}: {measure:.3g} ({_limit(cause, result)})")
 
 
-def _limit(cause: _core.Cause) -> str:
+def _limit(cause: _core.Cause, result: DepthResult) -> str:
     fact = _core.cause_facts[cause]
-    return f"{cause.name} {'from' if fact['bad'] == 'high' else 'below'} {fact['degraded']:.3g}"
+    limit, seen = fact["degraded"], result.geometry
+    if cause is _core.Cause.RIG_MOVED and seen is not None:
+        limit = _core.least_turn_deg(seen.focal_px / seen.width)
+    return f"{cause.name} {'from' if fact['bad'] == 'high' else 'below'} {limit:.3g}"
 
 
 def _reasons(report: Report, result: DepthResult) -> None:
