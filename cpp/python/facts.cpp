@@ -27,7 +27,7 @@ void bind_enums(py::module_& m) {
   reasons.finalize();
   py::native_enum<Quality>(m, "Status", "enum.IntEnum", "One word on a whole frame, which follows from its causes.")
       .value("OK", Quality::ok, "nothing is wrong with the frame")
-      .value("DEGRADED", Quality::degraded, "something is wrong; the causes say whether pixels that are valid can be used")
+      .value("DEGRADED", Quality::degraded, "a cause was raised; docs/trust.md says what can be used")
       .value("INVALID", Quality::invalid, "do not use this frame: no pixel is valid")
       .finalize();
   auto causes = py::native_enum<Cause>(m, "Cause", "enum.IntEnum", "What is wrong with a frame.");

@@ -73,33 +73,18 @@ def sigma(depth: np.ndarray, confidence: np.ndarray, *, focal_baseline: float, g
     return depth**2 / focal_baseline * gain * scale
 
 
-def rig_error(shape: tuple[int, int], pose: np.ndarray, error: np.ndarray, pattern: tuple) -> np.ndarray:
-    """Disparity, px [H, W], by which the certain ones of a pose error move matches along the rows."""
+def rig_sigma(
+    depth: np.ndarray, sigma: np.ndarray, pose: np.ndarray, error: np.ndarray, *, focal_baseline: float, pattern: tuple
+) -> np.ndarray:
+    """Sigma, mm, with what the certain ones of the six terms of a pose error add, each with its standard error."""
     focal_x, focal_y, cx, cy, _ = pattern
-    rows, columns = np.indices(shape)
+    rows, columns = np.indices(depth.shape)
     u, v = (columns - cx) / focal_x, (rows - cy) / focal_y
     # The baseline's two terms move matches across the rows alone.
     moved = -focal_x * u * v, focal_x * (1 + u * u), -focal_x * v, 0.0, 0.0, focal_x * u
     certain = np.clip(np.abs(pose) / (2.5 * error) - 1, 0, 1) * np.square(np.abs(pose) + error)
-    return np.sqrt(sum(variance * term**2 for variance, term in zip(certain, moved, strict=True)))
-
-
-def rig_sigma(depth: np.ndarray, sigma: np.ndarray, moved_px: np.ndarray, focal_baseline: float) -> np.ndarray:
-    """Sigma, mm, with what disparities add that a rig has moved by so much."""
-    return np.sqrt(sigma**2 + (depth**2 / focal_baseline * moved_px) ** 2)
-
-
-def rig_confidence(confidence: np.ndarray, moved_px: np.ndarray) -> np.ndarray:
-    """Probability of an error up to the limit where so much is added to an error of Laplace's law."""
-    limits = moved_px / (moved_px.shape[1] / 480)
-    sharp = -np.log1p(-np.minimum(confidence, 1 - 2.0**-24).astype(np.float64))
-
-    def below(error: np.ndarray) -> np.ndarray:
-        return np.where(
-            error < 0, np.exp(sharp * np.minimum(error, 0)) / 2, 1 - np.exp(-sharp * np.maximum(error, 0)) / 2
-        )
-
-    return np.asarray(below(1 - limits) - below(-1 - limits))
+    px = sum(variance * term**2 for variance, term in zip(certain, moved, strict=True))
+    return np.sqrt(sigma**2 + (depth**2 / focal_baseline) ** 2 * px)
 
 
 def joint_bilateral_upsampling(disparity: np.ndarray, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:

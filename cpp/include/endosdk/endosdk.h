@@ -267,7 +267,7 @@ typedef enum endo_reason { ENDO_REASONS(ENDO_REASON_BIT) } endo_reason;
 /* The verdict on a whole frame. It follows from the frame's causes by the table in docs/trust.md. */
 typedef enum endo_quality {
     ENDO_QUALITY_OK = 0,              /* nothing is wrong with the frame */
-    ENDO_QUALITY_DEGRADED = 1,        /* a cause was raised; the valid pixels can be used */
+    ENDO_QUALITY_DEGRADED = 1,        /* a cause was raised; docs/trust.md says what can be used */
     ENDO_QUALITY_INVALID = 2          /* do not use this frame: no pixel is valid, or the call failed */
 } endo_quality;
 

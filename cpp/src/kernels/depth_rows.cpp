@@ -119,13 +119,6 @@ void write_sigma(const int32_t* reasons, const float* confidence, const float* d
   }
 }
 
-[[gnu::always_inline]] inline float squared_error(const RigRow& row, int x) {
-  const float u = row.start + row.step * static_cast<float>(x);
-  const float square = u * u;
-  const float whole = 1.0f + square;
-  return row.constant + row.per_square * square + row.per_fourth * (whole * whole);
-}
-
 // Writes the reasons. Returns the number of pixels without a reason.
 int write_reasons(const int32_t* __restrict reasons, int count, uint8_t* __restrict out) {
   int usable = 0;
@@ -208,26 +201,20 @@ int depth_row(const DepthRow& row, const DepthLimits& limits) {
   return usable;
 }
 
-void add_rig_sigma(const RigRow& row, const float* depth, int width, float* __restrict sigma) {
-  for (int x = 0; x < width; ++x) {
-    const float square = depth[x] * depth[x];
-    sigma[x] = __builtin_sqrtf(sigma[x] * sigma[x] + square * square * squared_error(row, x));
-  }
-}
-
-// An error of Laplace's law, moved by r limits, lies within the limit if the unmoved one lies within 1 + r of them on one side
-// and within 1 - r on the other.
-void doubt_rig(const RigRow& row, int width, float* __restrict confidence) {
-  constexpr float most = 1.0f - 1.0f / (1 << 24);
-  for (int x = 0; x < width; ++x) {
-    const float given = confidence[x];
-    const float c = given > 0.0f ? (given < most ? given : most) : 0.0f;
-    const float sharp = negative_log1m(c);
-    const float r = __builtin_sqrtf(squared_error(row, x));
-    const float far_side = one_minus_exp(sharp * (1.0f + r));
-    const float near_side = one_minus_exp(sharp * __builtin_fabsf(1.0f - r));
-    const float within = 0.5f * (far_side + (r < 1.0f ? near_side : -near_side));
-    confidence[x] = given == given ? within : given;
+void add_rig_sigma(const RigSigmaRow& row) {
+  const float start = row.start;
+  const float step = row.step;
+  const float constant = row.constant;
+  const float per_square = row.per_square;
+  const float per_fourth = row.per_fourth;
+  float* __restrict const sigma = row.sigma;
+  for (int x = 0; x < row.width; ++x) {
+    const float u = start + step * static_cast<float>(x);
+    const float square = u * u;
+    const float whole = 1.0f + square;
+    const float depth = row.depth[x] * row.depth[x];
+    const float adds = constant + per_square * square + per_fourth * (whole * whole);
+    sigma[x] = __builtin_sqrtf(sigma[x] * sigma[x] + depth * depth * adds);
   }
 }
 

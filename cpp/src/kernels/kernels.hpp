@@ -51,9 +51,12 @@ struct DepthLimits {
   float sigma_factor;    // sigma = sigma_factor * depth^2 / -log(1 - own confidence)
 };
 
-// The square of the error that a rig which has moved adds to one row: constant + per_square * u^2 + per_fourth * (1 + u^2)^2,
-// where u = start + step * column.
-struct RigRow {
+// One row of sigma, to whose square the error of a rig that has moved is added: depth^4 * (constant + per_square * u^2 +
+// per_fourth * (1 + u^2)^2), where u = start + step * column.
+struct RigSigmaRow {
+  const float* depth;
+  float* sigma;
+  int width;
   float start;
   float step;
   float constant;
@@ -299,10 +302,7 @@ struct FitSums {
   KERNEL(void, confidence_row, (const ConfidenceRow& row))                                                             \
   /* The logarithm of share * value + added, which must be a positive normal number. */                                \
   KERNEL(void, log_row, (const float* values, float share, float added, int count, float* out))                        \
-  /* Adds the square, times depth^4, to that of sigma. */                                                              \
-  KERNEL(void, add_rig_sigma, (const RigRow& row, const float* depth, int width, float* sigma))                        \
-  /* Confidence where matches are also off by the error of the row, whose unit is the limit of the confidence. */      \
-  KERNEL(void, doubt_rig, (const RigRow& row, int width, float* confidence))                                           \
+  KERNEL(void, add_rig_sigma, (const RigSigmaRow& row))                                                                \
   /* Returns the number of pixels without a reason. */                                                                 \
   KERNEL(int, depth_row, (const DepthRow& row, const DepthLimits& limits))
 

@@ -250,8 +250,15 @@ ImageMotion::Shift ImageMotion::middle() {
   return {of(x_), of(y_)};
 }
 
-float ImageMotion::usual_length() {
-  for (size_t i = 0; i < x_.size(); ++i) former_x_[i] = std::hypot(x_[i], y_[i]);
+float ImageMotion::outwards() {
+  for (int y = 0; y < patches_.height; ++y) {
+    for (int x = 0; x < patches_.width; ++x) {
+      const auto i = static_cast<size_t>(y * patches_.width + x);
+      const float right = static_cast<float>(2 * x + 1 - patches_.width);
+      const float down = static_cast<float>(2 * y + 1 - patches_.height);
+      former_x_[i] = (x_[i] * right + y_[i] * down) / std::max(1.0f, std::hypot(right, down));
+    }
+  }
   return median(former_x_);
 }
 

@@ -70,8 +70,8 @@ class ImageMotion {
   // The median over all patches.
   Shift middle();
 
-  // The median length of a shift over all patches.
-  float usual_length();
+  // The median shift away from the middle of the picture.
+  float outwards();
 
  private:
   void refine(const FloatView& now, const FloatView& before);

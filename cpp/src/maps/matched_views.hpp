@@ -84,8 +84,8 @@ class MatchedViews {
   // much. 1 where it cannot be told.
   double gain() const { return gain_; }
 
-  // Mean correlation of all cells that can be compared, 0 if there are none. Its upper bound, which the true mean exceeds for
-  // one pair in a thousand. The share of the field of view that these cells make up.
+  // Upper bound of the mean correlation of all cells that can be compared, which the true mean exceeds for one pair in a
+  // thousand; 0 if there are none. The share of the field of view that these cells make up.
   double most_correlation() const { return most_correlation_; }
   double textured_share() const { return textured_share_; }
 

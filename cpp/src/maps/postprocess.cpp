@@ -10,7 +10,6 @@
 
 #include "platform/errors.hpp"
 #include "kernels/kernels.hpp"
-#include "maps/photometric_consistency.hpp"
 #include "maps/repeated_pattern.hpp"
 #include "maps/rig_sigma.hpp"
 #include "images/size.hpp"
@@ -148,8 +147,7 @@ class RowWriter {
  public:
   RowWriter(const PostprocessInput& in, const MapsOut& maps, const Scaled& disparity, PostprocessScratch& scratch)
       : in_(in), maps_(maps), disparity_(disparity.map), scratch_(scratch), limits_(limits_of(in)),
-        rig_sigma_(has_right(in) ? scratch.rows.latest() : PoseError(), in.pattern, static_cast<double>(limits_.focal_baseline),
-                   in.size.width / confidence_parts),
+        rig_sigma_(has_right(in) ? scratch.rows.latest() : PoseError(), in.pattern, static_cast<double>(limits_.focal_baseline)),
         shift_(static_cast<float>(in.right_shift)) {
     const int width = in.size.width;
     scratch.disparity.prepare(disparity.map.width, disparity.map.height, width, disparity.scale);
@@ -178,7 +176,6 @@ class RowWriter {
     float* const disparity = maps_.disparity + first_of(y);
     scratch_.disparity.row(disparity_, y, in_.gain, worker, disparity);
     scratch_.confidence.row(scratch_.consistency.seen(), y, 1.0f, worker, maps_.confidence + first_of(y));
-    rig_sigma_.doubt(y, row.width, maps_.confidence + first_of(y));
     if (row.sigma != nullptr) {
       float* const own = scratch_.own_row.data() + static_cast<ptrdiff_t>(worker) * row.width;
       scratch_.own.row(scratch_.consistency.own(), y, 1.0f, worker, own);

@@ -60,13 +60,6 @@ inline endo_options default_options(const Places& at) {
   return options;
 }
 
-// The pairs of these tests are of no rig, so a calibrated one seems to have moved. With these options all finds are valid.
-inline endo_options undoubting_options(const Places& at) {
-  endo_options options = default_options(at);
-  options.min_confidence = 0.0;
-  return options;
-}
-
 struct Pair {
   int width;
   int height;

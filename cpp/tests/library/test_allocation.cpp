@@ -190,7 +190,7 @@ int survive_every_failure(const char* what, const Call& call) {
 }
 
 void failing_allocations_are_reported(const Places& at) {
-  const endo_options options = undoubting_options(at);
+  const endo_options options = default_options(at);
   endo_estimator* handle = nullptr;
   const int opening = survive_every_failure("open", [&] {
     const endo_status status = endo_open_file(at.model.c_str(), &options, &handle);

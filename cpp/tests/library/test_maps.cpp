@@ -161,7 +161,7 @@ void the_rectified_pair_can_be_seen(const Places& at) {
 }
 
 void a_result_is_measured_with_its_own_rig(const Places& at) {
-  const Opened estimator(at, undoubting_options(at));
+  const Opened estimator(at);
   endo_calibration rig = raw_rig(width, height);
   CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
   Output out(pixels, true);
