@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -92,6 +93,14 @@ def test_a_wrong_focal_length_is_no_turn(footage: Path, tmp_path: Path, capsys: 
     assert main(["calibrate", "refine", *words, "--out", str(tmp_path / "new.json")]) == 1
     assert "no rotation makes the views fit: nothing was written" in capsys.readouterr().out
     assert not (tmp_path / "new.json").exists()
+
+
+def test_one_camera_on_both_inputs_tells_nothing_of_a_rig(footage: Path, tmp_path: Path, capsys) -> None:
+    for side in ("left", "right"):
+        shutil.copytree(footage / "left", tmp_path / side)
+    assert main(["calibrate", "check", str(footage / "rig.json"), str(tmp_path), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["found"]
+    assert found["measured"] == 0 and found["causes"]["SAME_VIEW_TWICE"] == found["frames"] == 4
 
 
 def test_a_source_without_tissue_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

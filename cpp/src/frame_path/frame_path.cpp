@@ -160,6 +160,7 @@ FrameReport FramePath::predict(const FramePair& pair, const MapsOut& wanted) {
     hand_out(report);
     return report;
   } catch (...) {
+    watch_.skip();
     counters_.add_failure();
     throw;
   }

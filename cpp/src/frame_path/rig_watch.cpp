@@ -18,7 +18,7 @@ void RigWatch::add(FrameReport& report, Slot& slot) {
     }
   } else if (!report.causes.raised(Cause::same_view_twice) && !frozen_.one_stands_still()) {
     // What such a pair tells is no rotation of the rig: its rows fit as the rows of one picture do, or as they did long ago.
-    pose_.add(report.pose, report.corrected, simultaneity_.still());
+    pose_.add(report.pose, report.corrected, simultaneity_.new_view());
   }
   report.steady = pose_.value();
   report.trust_ms += milliseconds(started, Clock::now());

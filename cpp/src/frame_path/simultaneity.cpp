@@ -18,7 +18,7 @@ constexpr double certain = 4.0;      // standard errors
 constexpr double least_lag = 0.2;    // frames; a smaller lag does not come from unsynchronised cameras
 constexpr double least_row_se = 0.05;  // px: least standard error that is assumed for the rows of a frame
 
-constexpr double still_share = 0.001;  // of the width; a picture that moves by less shows the same
+constexpr double view_share = 0.02;  // of the width by which a picture moves until it is another view
 
 // Finest level of the pyramid that is used; the shift of the whole picture needs no finer one.
 constexpr int finest = 1;
@@ -62,17 +62,29 @@ void Simultaneity::make_room(const BrightnessPyramid& view) {
   if (view.levels() <= finest) return;
   motion_.find(view, former_, finest);
   motion_.middle();
-  motion_.usual_length();
+  motion_.outwards();
+}
+
+void Simultaneity::travel(const ImageMotion::Shift& shift, float outwards, int width) {
+  const std::array<float, 3> moved = {shift.x, shift.y, outwards};
+  double square = 0.0;
+  for (size_t i = 0; i < moved.size(); ++i) {
+    travelled_[i] += static_cast<double>(moved[i]) / width;
+    square += travelled_[i] * travelled_[i];
+  }
+  new_view_ = square >= view_share * view_share;
+  if (new_view_) travelled_ = {};
 }
 
 std::optional<double> Simultaneity::motion_between(BrightnessPyramid& view, double row_px, const PoseError& pose) {
   const bool follows = has_former_ && view.levels() > finest && view.unit() == former_.unit() &&
                        view.levels() == former_.levels() && view.level(0).size == former_.level(0).size;
-  still_ = false;
+  new_view_ = !follows;
   if (follows && (pose.measured || former_rows_px_)) {
     motion_.find(view, former_, finest);
-    still_ = static_cast<double>(motion_.usual_length()) * (1 << finest) < still_share * view.level(0).size.width;
-    const double moved_px = view.unit() * (1 << finest) * row_px * static_cast<double>(motion_.middle().y);
+    const ImageMotion::Shift shift = motion_.middle();
+    const double moved_px = view.unit() * (1 << finest) * row_px * static_cast<double>(shift.y);
+    travel(shift, motion_.outwards(), view.level(finest).size.width);
     if (pose.measured) right_.add(moved_px, pose.mean_vertical_px);
     if (former_rows_px_) left_.add(moved_px, *former_rows_px_);
   }

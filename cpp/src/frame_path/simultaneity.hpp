@@ -2,6 +2,7 @@
 // rotated. A sequence shows the difference: if one view is late, the vertical disparity follows the motion of the picture.
 #pragma once
 
+#include <array>
 #include <optional>
 
 #include "geometry/pose_error.hpp"
@@ -37,18 +38,23 @@ class Simultaneity {
   // and empty while too little is known.
   std::optional<double> motion_between(BrightnessPyramid& view, double row_px, const PoseError& pose);
 
-  // Whether the latest frame shows nearly the same picture as the one before.
-  bool still() const { return still_; }
+  // Whether the picture has moved on far enough, from the frame that was the first of its view to the latest one.
+  bool new_view() const { return new_view_; }
 
   // A frame is missing: the next one tells nothing of the motion from one frame to the next.
   void skip() {
     has_former_ = false;
+    new_view_ = true;
     former_rows_px_.reset();
   }
 
  private:
+  // Adds the motion from one frame to the next, px of a picture of this width.
+  void travel(const ImageMotion::Shift& shift, float outwards, int width);
+
   bool has_former_ = false;
-  bool still_ = false;
+  bool new_view_ = true;
+  std::array<double, 3> travelled_{};  // since the first frame of the view, in widths: to the right, down and out of the middle
   BrightnessPyramid former_;
   ImageMotion motion_;
   LagFit right_;  // how late the right view is

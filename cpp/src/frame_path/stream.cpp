@@ -31,7 +31,7 @@ Stream::Stream(std::shared_ptr<FramePath> path, std::shared_ptr<Session> session
       frames_(static_cast<size_t>(lanes_) + 1),
       stage_(std::move(stage)) {
   for (Frame& frame : frames_) frame.slot = std::make_shared<Slot>(stage_, session_);
-  Scratch::expect_calls(lanes_);
+  const Scratch::Expect calls(lanes_);
   threads_.reserve(static_cast<size_t>(lanes_));
   const std::vector<uint8_t> black(rgb_bytes(size_));
   const ImageView view = {black.data(), size_.width, size_.height, 3, ptrdiff_t{3} * size_.width};
@@ -171,8 +171,8 @@ void Stream::follow() {
   }
 }
 
-// None where it cannot be made, as for want of memory, or is not needed any more: the rectification stays as it is, and the frames say that the rig has
-// moved. No exception may leave the thread, not even one of the host's log.
+// None where it cannot be made, as for want of memory: the rectification stays as it is, and the frames say that the rig has
+// moved. None of a closed stream either. No exception may leave the thread, not even one of the host's log.
 std::shared_ptr<const RectifyStage> Stream::corrected_stage(const PoseVector& correction) {
   try {
     const auto needed = [this] {  // nobody waits for the maps of a stream that is closed

@@ -8,11 +8,11 @@ namespace {
 
 // Consecutive frames show the same tissue, so this many of them tell as much as one independent frame.
 constexpr double alike_frames = 4.0;
-constexpr double fading = 1.0 - 1.0 / 300.0;  // per frame
+constexpr double fading_view = 1.0 - 1.0 / alike_frames;
 
-// Frames of a picture that stands still are all wrong in the same way. However many they are, they count as one independent
-// frame, with the value of the latest ones.
-constexpr double fading_still = 1.0 - 1.0 / alike_frames;
+// Frames of one view of the tissue are all wrong in the same way. However many they are, they count as one independent frame,
+// with the value of the latest ones. Older views fade.
+constexpr double fading = 1.0 - 1.0 / 150.0;  // per view
 
 constexpr double usual_surprise = 3.0;  // standard errors; a frame that is farther from the filtered value counts less
 constexpr double harmless = 0.0017;     // radians, a tenth of a degree
@@ -42,22 +42,22 @@ void PoseFilter::Evidence::fade(double factor) {
   for (double& value : pull) value *= factor;
 }
 
-void PoseFilter::add(const PoseError& error, const PoseVector& corrected, bool still) {
+void PoseFilter::add(const PoseError& error, const PoseVector& corrected, bool new_view) {
   if (!error.measured) return;
   PoseVector value = error.value;
   for (size_t i = 0; i < pose_terms; ++i) value[i] += corrected[i];
   double counts = 1.0 / alike_frames;
   if (value_.measured) counts *= std::min(1.0, usual_surprise / std::max(1e-9, surprise(error, value, value_)));
-  if (!still) {
-    moving_.add(still_, 1.0);
-    still_ = {};
+  if (new_view) {
+    former_views_.fade(fading);
+    former_views_.add(view_, 1.0);
+    view_ = {};
   }
-  moving_.fade(fading);
-  still_.fade(fading_still);
   const PoseMatrix sure = inverse(error.covariance);
-  (still ? still_ : moving_).add({sure, multiply(sure, value)}, counts);
-  Evidence all = moving_;
-  all.add(still_, 1.0);
+  view_.fade(fading_view);
+  view_.add({sure, multiply(sure, value)}, counts);
+  Evidence all = former_views_;
+  all.add(view_, 1.0);
   value_.covariance = inverse(all.information);
   value_.value = multiply(value_.covariance, all.pull);
   value_.vertical_px = error.vertical_px;

@@ -10,8 +10,8 @@ namespace endosdk {
 class PoseFilter {
  public:
   // Adds a frame. `corrected` is the part of the error that its rectification already corrected. A frame without a measurement
-  // changes nothing. `still`: it shows the same picture as the frame before, so it tells little more.
-  void add(const PoseError& error, const PoseVector& corrected, bool still);
+  // changes nothing. `new_view`: it shows other tissue than the frames before, or the same from elsewhere.
+  void add(const PoseError& error, const PoseVector& corrected, bool new_view);
 
   // The pose error against the calibration, without corrections. It is not measured before the first frame.
   const PoseError& value() const { return value_; }
@@ -28,8 +28,8 @@ class PoseFilter {
     void fade(double factor);
   };
 
-  Evidence moving_;
-  Evidence still_;  // of the frames since the picture stands still
+  Evidence former_views_;
+  Evidence view_;  // of the frames of the present view
   PoseError value_;
   int frames_ = 0;
 };

@@ -67,16 +67,17 @@ def check_rig(calibration: StereoCalibration, frames: Iterable[Frame], model: st
             count += 1
             for cause in result.causes:
                 causes[cause.name] = causes.get(cause.name, 0) + 1
-            if result.rig is not None:
+            if result.rig is not None and result.rig.steady_rotation_deg is not None:
                 last = result.rig
-                rows.append(last.vertical_disparity_px)
+                if _core.Cause.SAME_VIEW_TWICE not in result.causes:
+                    rows.append(last.vertical_disparity_px)
     unknown = (math.nan, math.nan, math.nan)
     return RigCheck(
         frames=count,
         measured=len(rows),
         vertical_disparity_px=float(np.median(rows)) if rows else math.nan,
-        rotation_deg=unknown if last is None else last.steady_rotation_deg or unknown,
-        rotation_se_deg=unknown if last is None else last.steady_rotation_se_deg or unknown,
+        rotation_deg=(last and last.steady_rotation_deg) or unknown,
+        rotation_se_deg=(last and last.steady_rotation_se_deg) or unknown,
         drifted=last is not None and last.drifted,
         causes=causes,
     )

@@ -35,7 +35,7 @@ def rig_error(report: _core.FrameReport, calibrated: bool) -> RigError | None:
     if report.pose is None:
         return None
     _, _, rows, rows_se = report.pose
-    # Without one yet where no frame so far was of two views.
+    # None before the first frame that counts: docs/python.md says which do.
     steady = report.steady if calibrated else None
     return RigError(
         vertical_disparity_px=rows,
