@@ -59,15 +59,14 @@ Scratch::Lent::~Lent() {
   --owner_.lent_;
 }
 
-void Scratch::expect_calls(int count) {
-  int known = calls_at_once;
-  while (known < count && !calls_at_once.compare_exchange_weak(known, count)) {
-  }
-}
+Scratch::Expect::Expect(int calls) { calls_at_once = calls; }
+
+Scratch::Expect::~Expect() { calls_at_once = 1; }
 
 std::vector<float> Scratch::lend(size_t count) {
   const std::lock_guard lock(mutex_);
-  const size_t all = std::max(lent_ + 1, static_cast<size_t>(calls_at_once));
+  if (calls_ == 0) calls_ = static_cast<size_t>(calls_at_once);
+  const size_t all = std::max(lent_ + 1, calls_);
   spare_.reserve(all);
   while (lent_ + spare_.size() < all) spare_.emplace_back();
   for (std::vector<float>& spare : spare_) {

@@ -83,13 +83,20 @@ class Scratch {
     std::vector<float> values_;
   };
 
-  // From now on, so many calls of one function may run at the same time. The next call reserves memory for all of them.
-  static void expect_calls(int count);
+  // While it exists, a function that is called for the first time reserves memory for so many calls at the same time.
+  class Expect {
+   public:
+    explicit Expect(int calls);
+    ~Expect();
+    Expect(const Expect&) = delete;
+    Expect& operator=(const Expect&) = delete;
+  };
 
  private:
   std::vector<float> lend(size_t count);
 
   std::mutex mutex_;
+  size_t calls_ = 0;  // at the same time; 0 before the first one
   size_t lent_ = 0;
   std::vector<std::vector<float>> spare_;  // it has room for those that are lent
 };
