@@ -1,9 +1,10 @@
 """How often a fault's cause is named, and how often a frame without a fault is not OK, over the test splits.
 
-    python -m benchmarks.accuracy.fault_naming --data DIR ... --spoilt DIR [--model fast] --json FILE
+    python -m benchmarks.accuracy.fault_naming --data DIR ... --spoilt DIR [--further DIR ...] --json FILE
 
 Every fault of `trust_cases` is put into every pair. Pairs of ``--data`` are clean; those of ``--spoilt`` come out of
-their set spoilt, so that what is said of them without a fault stands apart.
+their set spoilt, so that what is said of them without a fault stands apart. The training pairs of ``--further`` are
+clean, too, and get no fault: no limit was set by them, so they tell how often a cause is raised for nothing.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,7 @@ class Tally:
         return {"frames": self.frames, **named, "status": dict(self.status), "causes": dict(self.causes)}
 
 
-def answers(model: str, samples: list[Sample], case: Case) -> Iterator[DepthResult]:
+def answers(model: str, samples: Iterable[Sample], case: Case) -> Iterator[DepthResult]:
     """Answer every pair; an estimator sees pairs of one case and one rig alone."""
     rig = None
     with ExitStack() as opened:
@@ -80,6 +81,14 @@ def measure(model: str, readers: list[DatasetReader], cases: tuple[Case, ...], p
     return found
 
 
+def without_fault(model: str, reader: DatasetReader) -> dict[str, Any]:
+    """Count what is said of every pair of a set as it is."""
+    tally = Tally(CLEAN)
+    for answer in answers(model, (reader[number] for number in progress(range(len(reader)))), CLEAN):
+        tally.add(answer)
+    return {"sha256": reader.sha256, "split": reader.split, **tally.result()}
+
+
 def summary(found: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Return a fault's counts over all sets."""
     counts: dict[str, Any] = {key: sum(one[key] for one in found.values()) for key in ("frames", "named")}
@@ -92,6 +101,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, nargs="+", required=True, help="sets of clean pairs")
     parser.add_argument("--spoilt", type=Path, nargs="*", default=[], help="sets of pairs that are spoilt")
+    parser.add_argument("--further", type=Path, nargs="*", default=[], help="sets whose training pairs are clean")
     parser.add_argument("--split", default="test")
     parser.add_argument("--pairs", type=int, default=100, help="at most so many of each set")
     parser.add_argument("--model", default="fast")
@@ -102,7 +112,10 @@ def main() -> None:
     found = measure(args.model, readers, (CLEAN, *FAULTS), args.pairs)
     kinds = {reader.name: "clean" if reader in clean else "spoilt" for reader in readers}
     command = f"python -m benchmarks.accuracy.fault_naming --data {' '.join(reader.name for reader in clean)} "
-    command += f"--spoilt {' '.join(reader.name for reader in spoilt)} --split {args.split} "
+    command += f"--spoilt {' '.join(reader.name for reader in spoilt)} "
+    further = [open_dataset(folder, "train") for folder in args.further]
+    command += f"--further {' '.join(reader.name for reader in further)} " if further else ""
+    command += f"--split {args.split} "
     command += f"--pairs {args.pairs} --model {args.model}"
     record = {
         "datasets": {
@@ -111,6 +124,7 @@ def main() -> None:
         },
         "model": args.model,
         "without_fault": found[CLEAN.name],
+        "further": {reader.name: without_fault(args.model, reader) for reader in further},
         "faults": {case.name: {**summary(found[case.name]), "sets": found[case.name]} for case in FAULTS},
     }
     write_record(args.json, record, command=command, hashes={"model_sha256": model_run(args.model).sha256})

@@ -127,12 +127,12 @@ def label_of(name: str, row: dict[str, Any]) -> str:
 
 
 def given(row: dict[str, Any]) -> list[str]:
-    """Say what a row was given: samples, training pairs, products, hours, precision, seed and device."""
+    """Say what a row was given: samples, training pairs, products, hours, precision, seed and budget."""
     if "samples_seen" in row:
         hours = f"{row['hours']:.2f}" if row.get("hours") is not None else NOT_RECORDED
         more = [hours, row.get("precision") or NOT_RECORDED, str(row.get("seed", 0))]  # every older run had seed 0
-        device = str(row.get("budget", "")).upper() or NOT_RECORDED  # a budget has the name of its device
-        return [_samples(row), _pairs(row.get("train_data")), f"{row['training_tmacs']:.0f}", *more, device]
+        budget = str(row.get("budget", "")).upper() or NOT_RECORDED
+        return [_samples(row), _pairs(row.get("train_data")), f"{row['training_tmacs']:.0f}", *more, budget]
     if row.get("trained_on"):
         return ["a recipe of our own", _pairs(row["trained_on"]), *([""] * 5)]
     return ["no training", *([""] * 6)]

@@ -13,12 +13,12 @@ from benchmarks.tables.markdown import percent, table
 from benchmarks.tables.ranges import facts_of
 from endosdk.training.config import TrainConfig
 
-GIVEN = ["samples seen", "training pairs", "TMAC", "hours", "precision", "seed", "device"]
+GIVEN = ["samples seen", "training pairs", "TMAC", "hours", "precision", "seed", "budget"]
 ROWED = {**LABELS, **SEEDS}  # the methods of Table 1, in its order
 # What the paper states of its own measurements: method, test pairs, EPE and time.
 STATED = (
     ("wang2020, as its paper states", "100 pairs of the paper", "0.4145", "21.8 (45 FPS, GTX 1080)"),
-    ("AnyNet, as that paper states", "", "", "27 FPS"),
+    ("AnyNet, as that paper states", "", "", "37.0 (27 FPS)"),
 )
 PARTS = {
     "edges": "depth edges",
@@ -165,7 +165,7 @@ def runs_table(records: PaperRecords) -> str:
 
 
 def _range(name: str, row: dict[str, Any]) -> str:
-    """Return the largest disparity that a method looks for, px of a frame of `FRAME`."""
+    """Return the maximum disparity of a method's settings or model, px of a frame of `FRAME`."""
     settings = row.get("settings") or {}
     if "max_disparity" in settings:
         return str(settings["max_disparity"])

@@ -197,7 +197,8 @@ def test_a_provider_rounds_floats_only_where_asked_to():
     assert checked_options("CUDAExecutionProvider", None) == {"use_tf32": "0"}
     assert checked_options("cuda", {"use_tf32": 1}) == {"use_tf32": "1"}
     assert checked_options("openvino", {"device_type": "GPU"}) == {"device_type": "GPU", "precision": "ACCURACY"}
-    assert checked_options("openvino", {"precision": "FP16"}) == {"precision": "FP16"}
+    for chosen in ({"precision": "FP16"}, {"device_type": "GPU_FP16"}):
+        assert checked_options("openvino", chosen) == chosen
     assert checked_options("webgpu", None) == {}
     assert checked_options("cpu", None) == {}
 

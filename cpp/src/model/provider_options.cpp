@@ -23,8 +23,8 @@ bool is_recording(const std::string& key, const std::string& value) {
   return !off && std::find(recording.begin(), recording.end(), key) != recording.end();
 }
 
-// By default, CUDA rounds the factors of convolutions to 10 bits, and OpenVINO computes with 16 bits on a GPU or an NPU. This
-// changes the disparities of a float32 model.
+// By default, CUDA rounds the factors of convolutions to 10 bits, and OpenVINO computes with 16 bits on a GPU. This changes the
+// disparities of a float32 model.
 struct WholeFloats {
   std::string_view provider, key, value;
 };
@@ -61,7 +61,10 @@ ProviderOptions checked_provider_options(const std::string& provider, ProviderOp
   const std::string name = full_provider_name(provider);
   check(name, options);
   for (const WholeFloats& added : whole_floats) {
-    const auto chosen = [&](const auto& option) { return option.first == added.key; };
+    // An older way to state the precision for OpenVINO is a suffix of the device, as in GPU_FP16.
+    const auto chosen = [&](const auto& option) {
+      return option.first == added.key || (option.first == "device_type" && option.second.find("_FP") != std::string::npos);
+    };
     const bool free = std::none_of(options.begin(), options.end(), chosen);
     if (free && name == added.provider) options.emplace_back(added.key, added.value);
   }
