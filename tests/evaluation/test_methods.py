@@ -202,6 +202,10 @@ def test_maps_of_any_program_are_scored(planes, tmp_path, capsys):
         np.lib.format.write_array_header_1_0(stream, header)
     assert main(given) == 2
     assert "must be readable .npy files" in capsys.readouterr().err
+    header = b"{'descr': ('<f4'"
+    (tmp_path / "maps/012.npy").write_bytes(b"\x93NUMPY\x01\x00" + bytes([len(header), 0]) + header)
+    assert main(given) == 2
+    assert "must be readable .npy files" in capsys.readouterr().err
     (tmp_path / "maps/012.npy").unlink()
     os.mkfifo(tmp_path / "maps/012.npy")  # nobody writes to it
     assert main(given) == 2

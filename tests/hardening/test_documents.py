@@ -95,6 +95,12 @@ def test_a_name_stated_twice_is_refused(read) -> None:
         parse_opencv_xml("<opencv_storage><T>1</T><T>2</T></opencv_storage>")
 
 
+def test_the_encoding_that_a_document_declares_was_undone_before() -> None:
+    for encoding in ("GB2312", "x-unknown"):
+        text = f'<?xml version="1.0" encoding="{encoding}"?><opencv_storage><T>\u00e4</T></opencv_storage>'
+        assert parse_opencv_xml(text) == {"T": "\u00e4"}
+
+
 def test_an_unclosed_text_of_escapes_takes_linear_time() -> None:
     started = time.process_time()
     with pytest.raises(Refused):

@@ -18,8 +18,8 @@ def files(folder: Path, *names: str) -> Path:
 
 
 def test_numbers_match_and_order_the_pictures(tmp_path):
-    left = files(tmp_path / "a", "L_10.png", "L_9.PNG", "notes.txt", "left.ppm")
-    right = files(tmp_path / "b", "R_009.jpg", "R_010.jpg", "right.png", "R_11.json")
+    left = files(tmp_path / "a", "L_10.png", "L_9.PNG", "notes.txt", "left.ppm", "._L_10.png")
+    right = files(tmp_path / "b", "R_009.jpg", "R_010.jpg", "right.png", "R_11.json", "._right.png")
     found = [(one.name, other.name) for one, other in pair_pictures(left, right)]
     assert found == [("left.ppm", "right.png"), ("L_9.PNG", "R_009.jpg"), ("L_10.png", "R_010.jpg")]
 

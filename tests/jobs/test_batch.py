@@ -195,6 +195,16 @@ def test_a_finished_pair_that_was_damaged_is_named(archive, settings, done, tmp_
         run_batch(find_pairs(archive / "left", archive / "right"), settings, out)
 
 
+def test_maps_of_other_pictures_of_the_same_names_are_refused(archive, settings, done, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(done, out)
+    shutil.copytree(archive, tmp_path / "other")
+    shutil.copy(archive / "left" / f"{NAMES[1]}.png", tmp_path / "other" / "left" / f"{NAMES[0]}.png")
+    with pytest.raises(DatasetInvalid, match=rf"a finished pair is of other pictures; .*{NAMES[0]}"):
+        run_batch(find_pairs(tmp_path / "other" / "left", tmp_path / "other" / "right"), settings, out)
+    assert contents(out) == contents(done)
+
+
 def test_a_picture_that_cannot_be_used_is_told_and_tried_again(archive, done, tmp_path, capsys):
     shutil.copytree(archive, tmp_path / "in")
     broken = tmp_path / "in" / "right" / "frame_001_right.png"

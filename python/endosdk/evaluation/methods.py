@@ -142,6 +142,7 @@ def estimator_method(
                     threads=threads,
                     network_size=network_size,
                 )
+            estimators[key].prepare(width, height)  # what the first frame takes longer is not the time of a pair
         estimator = estimators[key]
         result = estimator.predict(sample.left, sample.right)
         return Answer(

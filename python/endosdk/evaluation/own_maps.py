@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tokenize
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def _read(path: Path) -> npt.NDArray[np.float32]:
         values = np.load(io.BytesIO(read_bounded(path, LARGEST_FILE)), allow_pickle=False)
     except Refused as error:
         raise InvalidArgument("maps", f"{path.name} {error.rule}", f"{error.value} in {path}") from error
-    except (ValueError, EOFError, MemoryError) as error:
+    except (ValueError, EOFError, MemoryError, SyntaxError, tokenize.TokenError) as error:
         raise InvalidArgument("maps", "must be readable .npy files", f"{path} ({error})") from error
     if not isinstance(values, np.ndarray) or values.ndim != 2 or not np.issubdtype(values.dtype, np.floating):
         found = f"{getattr(values, 'dtype', type(values).__name__)} {getattr(values, 'shape', '')} in {path}"

@@ -52,7 +52,7 @@ def parse_yaml(text: str) -> Any:
 def parse_opencv_xml(text: str) -> dict[str, Any]:
     """Return the entries of an ``<opencv_storage>`` document: mappings, lists of ``<_>``, and text."""
     reader = _XmlReader()
-    parser = expat.ParserCreate()
+    parser = expat.ParserCreate("utf-8")  # whatever the document declares: it was decoded before
     parser.StartElementHandler = reader.start
     parser.EndElementHandler = reader.end
     parser.CharacterDataHandler = reader.text

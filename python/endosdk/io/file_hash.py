@@ -17,5 +17,5 @@ def files_sha256(files: Iterable[tuple[str, Path]]) -> str:
     """Return the SHA-256 over names and contents of files, in the order given. Raises OSError."""
     total = hashlib.sha256()
     for name, path in files:
-        total.update(f"{name}:{file_sha256(path)}\n".encode())
+        total.update(f"{name}:{file_sha256(path)}\n".encode(errors="surrogateescape"))
     return total.hexdigest()

@@ -54,13 +54,18 @@ def _alike(left: str, right: str) -> bool:
 
 def has_pictures(folder: Path) -> bool:
     """Return whether a folder holds pictures itself."""
-    return any(path.suffix.lower() in ENDINGS for path in folder.iterdir())
+    return any(_is_picture(path) for path in folder.iterdir())
+
+
+def _is_picture(path: Path) -> bool:
+    """Return whether a name is that of a picture. Hidden ones are what a system keeps beside a file, as ``._1.png``."""
+    return path.suffix.lower() in ENDINGS and not path.name.startswith(".")
 
 
 def _pictures(name: str, folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise InvalidArgument(name, "must be a folder", str(folder))
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in ENDINGS)
+    found = sorted(filter(_is_picture, folder.iterdir()))
     if not found:
         raise InvalidArgument(name, f"must hold pictures ({', '.join(ENDINGS)})", str(folder))
     return found

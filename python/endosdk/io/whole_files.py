@@ -80,6 +80,8 @@ def whole_folder(final: Path, staging: Path) -> Iterator[Path]:
                 shutil.rmtree(final)
             partial.rename(final)
         _flush_folder(final.parent)
+    except EndoError:
+        raise
     except OSError as error:
         raise StorageFailed("out", "must be writable", f"{final}: {error}") from error
     finally:

@@ -80,8 +80,8 @@ def run_batch(
     the settings, how many pairs got which `Status` and which `Cause`, and ``failed``: the error of each pair whose
     pictures cannot be used; these are tried again the next time. Raises InvalidArgument where ``out`` holds a batch of
     other settings or another process is at work there, StorageFailed where it cannot be written, DatasetInvalid where
-    the maps of a finished pair are no longer those that were written, InferenceFailed where a worker is killed.
-    Pictures that changed under the same name are not noticed.
+    the maps of a finished pair are no longer those that were written or its pictures no longer those that were read,
+    InferenceFailed where a worker is killed.
     """
     if workers < 1:
         raise InvalidArgument("workers", "must be at least 1", workers)
@@ -112,7 +112,7 @@ def run_batch(
         )
         missing = [pair for pair in pairs if not job.folder(pair).is_dir()]
         for pair in set(pairs).difference(missing):
-            _check_finished(job.folder(pair))
+            _check_finished(job.folder(pair), pair)
         failed = _compute(job, missing, workers, ray)
         finished = [_finished(job.folder(pair)) for pair in pairs if pair.name not in failed]
         record = {
@@ -134,15 +134,20 @@ def _finished(folder: Path) -> dict[str, Any]:
             "status": str(record["status"]),
             "causes": list(dict(record["causes"])),
             "files": dict(record["files"]),
+            "inputs": dict(record["inputs_sha256"]),
         }
     except (Refused, ValueError, KeyError, TypeError) as error:
         raise _changed(folder, f"{RESULT}: {error}") from error
 
 
-def _check_finished(folder: Path) -> None:
-    """Compare the files of a finished pair with the hashes recorded when it was written."""
-    recorded = _finished(folder)["files"]
+def _check_finished(folder: Path, pair: PairFiles) -> None:
+    """Compare the pictures and the files of a finished pair with the hashes recorded when it was written."""
+    found = _finished(folder)
+    recorded = found["files"]
     try:
+        if found["inputs"] != {"left": file_sha256(pair.left), "right": file_sha256(pair.right)}:
+            rule = "a finished pair is of other pictures; name another folder, or delete that of the pair"
+            raise DatasetInvalid("out", rule, f"{folder}: not of {pair.left} and {pair.right}")
         present = {path.name for path in folder.iterdir()} - {RESULT}
         if present != recorded.keys():
             raise _changed(folder, f"files {sorted(present)} instead of {sorted(recorded)}")

@@ -103,7 +103,10 @@ def work_on_ray(
         raise DependencyMissing("ray", must_install("ray"), "nothing") from error
     started = not ray.is_initialized()
     if started:
-        ray.init(log_to_driver=False, include_dashboard=False)
+        try:
+            ray.init(log_to_driver=False, include_dashboard=False)
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            raise InvalidArgument("ray", "must find the cluster of $RAY_ADDRESS, or start one here", error) from error
     try:
         nodes: list[dict[str, Any]] = ray.nodes()  # type: ignore[no-untyped-call]
         largest = max((node["Resources"].get("CPU", 0.0) for node in nodes if node["Alive"]), default=0.0)
