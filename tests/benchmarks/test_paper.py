@@ -310,7 +310,7 @@ def test_volume_with_the_test_pairs_learns_from_them(tiny_set, tmp_path, capsys)
 def test_run_of_other_settings_is_refused_by_name(done, tiny_set):
     given = [f"--data={tiny_set}", f"--runs={done / 'runs'}", "--budget=gpu", "--device=cpu", "--only", "base"]
     with pytest.raises(InvalidArgument, match=r"the run base must have batch 2; .*; got 1"):
-        main(["train", *given, "--batch=2", "--train-pairs=4", "--crop", "48", "96", "--epochs=2", "--steps=4"])
+        main(["train", *given, *TOY, "--batch=2", "--epochs=2", "--steps=4"])
 
 
 def test_rows_of_another_kind_are_refused_by_name(done):

@@ -298,3 +298,4 @@ def test_a_set_that_counted_twice_held_out_its_pairs_twice():
     past_runs.check_held_out(origin, {"sha256": "a"}, 8)
     with pytest.raises(InvalidArgument, match="held_out: must be at most 8"):
         past_runs.check_held_out(origin, {"sha256": "a"}, 9)
+    past_runs.check_held_out(origin, {"sha256": "a", "held_out": 8}, 20)  # of films, no more than 8 of the 20

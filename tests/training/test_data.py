@@ -91,6 +91,18 @@ def test_workers_share_the_pairs_that_were_decoded_before_they_started(reader, c
     assert len(source._cache) == kept  # in this process, which draws no crop itself
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+def test_what_is_wrong_with_a_sample_is_told_as_it_is_by_workers_too(reader, monkeypatch, workers):
+    source = crops(reader, augment=False)
+
+    def wrong(self, item):
+        raise InvalidArgument("crop", f"must fit into frame {item}", (64, 128))
+
+    monkeypatch.setattr(Crops, "_drawn", wrong)
+    with pytest.raises(InvalidArgument, match=r"crop: must fit into frame 0; got \(64, 128\)"):
+        list(source.batches(2, first=0, last=1, rank=0, world=1, workers=workers))
+
+
 def test_a_resumed_run_sees_what_the_first_would_have(reader):
     source = crops(reader)
     options = {"rank": 0, "world": 1, "workers": 0}

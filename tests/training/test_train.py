@@ -21,6 +21,7 @@ from endosdk.training.networks import build_network
 from endosdk.training.networks.blocks import EXACT, ConvNorm
 from endosdk.training.release import release
 from endosdk.training.rounding import rounded_weights
+from endosdk.training.run_log import RunLog
 from endosdk.training.sets import split_pairs
 from endosdk.training.train import Run, train
 from endosdk.training.validation import mean_errors, pad_to_multiple
@@ -443,6 +444,7 @@ def test_a_run_of_another_number_of_processes_is_warned_of(dataset_root, tmp_pat
     begun = Run(settings(dataset_root, steps=2, held_out=0), tmp_path)
     begun.world = 2
     begun.save()
+    begun.log.close()
     train(settings(dataset_root, steps=2, held_out=0), tmp_path, resume=True)
     assert "drawn its crops for 2 processes and goes on with 1" in caplog.text
 
@@ -583,6 +585,19 @@ def test_a_killed_run_saves_what_it_has(dataset_root, tmp_path):
     assert 2 <= checkpoint.load(tmp_path).step < 4000
 
 
+def test_a_log_that_a_crash_has_cut_short_is_gone_on_with(tmp_path):
+    log = RunLog(tmp_path, None)
+    for step in (1, 2, 3):
+        log.add_step(step, 0.5 * step, {"loss": 1.0})
+    with pytest.raises(InvalidArgument, match="out: must not be in use by another process"):
+        RunLog(tmp_path, 2)
+    log.close()
+    written = (tmp_path / "log.csv").read_bytes()
+    (tmp_path / "log.csv").write_bytes(written + b"4,2.0\n\n\0\0\0")
+    RunLog(tmp_path, 2).close()
+    assert (tmp_path / "log.csv").read_text().splitlines() == written.decode().splitlines()[:3]
+
+
 TWO_PROCESSES = """
 import sys, torch
 from pathlib import Path
@@ -593,7 +608,7 @@ torch.set_num_threads(1)
 config = TrainConfig(data=(sys.argv[1],), network="fast", crop=(64, 128), batch=1, held_out=2, steps=3,
                      refine_from_step=1, validate_every=2, device="cpu")
 out = Path(sys.argv[2])
-with process_group() as (rank, world):
+with process_group(torch.device("cpu")) as (rank, world):
     run = Run(config, out, rank, world)
     run.fit()
     total = sum(p.double().abs().sum().item() for p in run.network.parameters())

@@ -11,7 +11,7 @@ import pytest
 from endosdk.commands.cli import main
 from endosdk.datasets.dataset import Sample
 from endosdk.datasets.writer import write_dataset_record, write_sample
-from endosdk.errors import InvalidArgument
+from endosdk.errors import InferenceFailed, InvalidArgument
 from endosdk.runtime.models import shipped_weights
 from endosdk.training import checkpoint
 from endosdk.training.config import TrainConfig
@@ -160,6 +160,28 @@ def test_a_name_no_model_may_have_is_refused_at_once(words, part, dataset_root, 
     assert list(tmp_path.iterdir()) == []
 
 
+def leave_out_the_export(monkeypatch):
+    """Where only the scores are looked at."""
+    monkeypatch.setattr("endosdk.training.release.export_model", lambda network, file, info: file.touch())
+    monkeypatch.setattr("endosdk.training.release.check_parity", lambda *_: None)
+
+
+def test_a_file_that_fails_the_comparison_replaces_none(dataset_root, tmp_path, monkeypatch):
+    def unlike(*_):
+        raise InferenceFailed("model", "must agree with torch", "1 px")
+
+    model, run = tmp_path / "m.onnx", checkpoint.load(checkpoint.starting_point("fast"))
+    model.write_text("a good one")
+    leave_out_the_export(monkeypatch)
+    monkeypatch.setattr("endosdk.training.release.check_parity", unlike)
+    with pytest.raises(InferenceFailed):
+        release(run, model, version="1", data=dataset_root)
+    assert model.read_text() == "a good one" and list(tmp_path.iterdir()) == [model]
+    with pytest.raises(InvalidArgument, match="run: must have held out pairs, to which its confidence is fitted"):
+        state = {**run.state, "dataset": {**run.state["dataset"], "held_out": 0}}
+        release(replace(run, state=state), model, version="1", data=dataset_root)
+
+
 def test_a_layout_without_test_pairs_is_scored_on_those_with_truth(tmp_path, monkeypatch):
     """KITTI has truth for its training pairs alone; the record names the split."""
     rng = np.random.default_rng(1)
@@ -180,8 +202,7 @@ def test_a_layout_without_test_pairs_is_scored_on_those_with_truth(tmp_path, mon
     common = {"network": "fast", "max_disparity": 48, "crop": (64, 128), "inference_width": 160, "batch": 1}
     data = {"data": (str(tmp_path / "kitti"),), "layout": "kitti", "held_out": 1}
     run = train(TrainConfig(**common, **data, steps=1), tmp_path / "run")
-    for slow in ("export_model", "check_parity"):
-        monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
+    leave_out_the_export(monkeypatch)
     for given in ({}, {"data": tmp_path / "kitti", "layout": "kitti"}):
         report = release(checkpoint.load(run), tmp_path / "m.onnx", version="1", **given)
         assert (report["training"]["test"]["split"], report["training"]["test"]["pairs"]) == ("held out", 1)
@@ -208,8 +229,7 @@ def test_no_pair_that_was_trained_on_is_scored_as_a_test(tmp_path, monkeypatch):
         write_plain(tmp_path / name, pairs)
     common = {"network": "fast", "max_disparity": 48, "crop": (64, 128), "inference_width": 128, "batch": 1}
     data = {"data": (str(tmp_path / "mine"),), "layout": "plain"}
-    for slow in ("export_model", "check_parity"):
-        monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
+    leave_out_the_export(monkeypatch)
     run = checkpoint.load(train(TrainConfig(**common, **data, held_out=1, steps=1), tmp_path / "run"))
 
     def scored(run, **given):
@@ -265,8 +285,7 @@ def test_own_pairs_can_be_mixed_with_rendered_ones(dataset_root, tmp_path, monke
     assert main([*words, "--data", str(tmp_path / "mine"), str(dataset_root)]) == 0
     run = checkpoint.load(tmp_path / "run")
     assert (run.state["dataset"]["pairs"], run.state["dataset"]["held_out"]) == (2 + 9, 2)  # none of the test pairs
-    for slow in ("export_model", "check_parity"):
-        monkeypatch.setattr(f"endosdk.training.release.{slow}", lambda *_: None)
+    leave_out_the_export(monkeypatch)
     test = release(run, tmp_path / "m.onnx", version="1")["training"]["test"]
     assert (test["name"], test["split"], test["pairs"]) == ("plain:mine + warped", "held out + test", 3)
 
@@ -307,4 +326,4 @@ def test_a_set_without_test_pairs_is_named_at_once(tmp_path, capsys):
         )
         == 2
     )
-    assert "out: must be a folder that can be written" in capsys.readouterr().err
+    assert "out: the folder must be writable" in capsys.readouterr().err

@@ -6,15 +6,16 @@ import multiprocessing
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader, Dataset, default_collate
 
 from endosdk.datasets.dataset import DatasetReader
-from endosdk.errors import InvalidArgument
+from endosdk.errors import EndoError, InvalidArgument
 from endosdk.io.pictures import DISPARITY_STEPS
 from endosdk.io.progress import progress
 from endosdk.training.augment import Pair, mirror, plain_pair, random_pair
@@ -110,10 +111,13 @@ class Crops(Dataset[tuple[Tensor, ...]]):
         if workers and multiprocessing.get_start_method() == "fork":
             self._decode_ahead(workers)
         items = [(step * world + rank) * batch + slot for step in range(first, last) for slot in range(batch)]
-        loader: DataLoader[tuple[Tensor, ...]] = DataLoader(
-            self, batch_size=batch, sampler=items, num_workers=workers, persistent_workers=False
+        loader: DataLoader[Any] = DataLoader(
+            _Told(self), batch_size=batch, sampler=items, num_workers=workers, collate_fn=_batch_or_error
         )
-        yield from loader
+        for found in loader:
+            if isinstance(found, EndoError):
+                raise found
+            yield found
 
     def _decode_ahead(self, threads: int) -> None:
         """Decode the pairs that fit into memory: forked processes then share them, instead of decoding each anew."""
@@ -145,6 +149,24 @@ class Crops(Dataset[tuple[Tensor, ...]]):
             raise InvalidArgument(
                 "crop", f"must fit into frames of {height} x {width}, as the network sees them", self.crop
             )
+
+
+class _Told(Dataset[Any]):
+    """Crops, or what is wrong with a sample: torch makes another error of one that a worker raises."""
+
+    def __init__(self, crops: Crops) -> None:
+        self._crops = crops
+
+    def __getitem__(self, item: int) -> tuple[Tensor, ...] | EndoError:
+        try:
+            return self._crops[item]
+        except EndoError as error:
+            return error
+
+
+def _batch_or_error(found: list[Any]) -> Any:
+    """Return a batch, or the first error among its crops."""
+    return next((one for one in found if isinstance(one, EndoError)), None) or default_collate(found)
 
 
 def as_tensors(pair: Pair) -> tuple[Tensor, Tensor, Tensor]:

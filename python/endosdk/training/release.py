@@ -11,6 +11,7 @@ from endosdk.datasets.layouts import default_split, layout_of, open_dataset
 from endosdk.errors import InvalidArgument
 from endosdk.evaluation.methods import estimator_method, evaluate, require_pairs
 from endosdk.io.names import RULE, is_plain_name
+from endosdk.io.whole_files import whole_path
 from endosdk.jobs.machine import machine_record
 from endosdk.training.checkpoint import Checkpoint
 from endosdk.training.export import ModelDescription, export_model
@@ -61,6 +62,9 @@ def release(
     if int8 is not None and not is_plain_name(int8.stem):
         raise InvalidArgument("int8", f"its name {RULE}", repr(int8.stem))
     reader = _test_split(trained, data, layout)
+    if not trained.state["dataset"].get("held_out", 1):  # runs before the key was kept held out some
+        rule = "must have held out pairs, to which its confidence is fitted; --steps 0 with --init-from fits it"
+        raise InvalidArgument("run", rule, "held_out 0")
     # Both before the scoring, which takes minutes.
     known = None if ranges_of is None else read_ranges(ranges_of)
     ranges = _range_pairs(trained) if int8 is not None and ranges_of is None else None
@@ -81,17 +85,20 @@ def release(
         "init": trained.state["init"],
         "changes": trained.state.get("changes", []),  # that a resumed run made: by the step from which they hold
     }
-    export_model(network, path, replace(info, training=training))
     sample = reader[0]
-    parity = check_parity(network, path, parity_pairs(sample.left, sample.right))
+    # A file takes its name once it is known to be right: it may replace one that was.
+    with whole_path(path, "out") as draft:
+        export_model(network, draft, replace(info, training=training))
+        parity = check_parity(network, draft, parity_pairs(sample.left, sample.right))
     report = {"model": info.name, "version": version, "training": training, "parity": parity, "machine": machine}
     if int8 is not None:
-        if ranges is not None:
-            quantize_model(path, int8, *ranges)
-        elif known is not None:
-            quantize_like(path, int8, known)
-        int8_scores = evaluate(estimator_method(str(int8)), reader)
-        describe_quantised(int8, int8.stem, {**_note(reader), **int8_scores})
+        with whole_path(int8, "int8") as draft:
+            if ranges is not None:
+                quantize_model(path, draft, *ranges)
+            elif known is not None:
+                quantize_like(path, draft, known)
+            int8_scores = evaluate(estimator_method(str(draft)), reader)
+            describe_quantised(draft, int8.stem, {**_note(reader), **int8_scores})
         report["int8"] = int8_scores
     return report
 

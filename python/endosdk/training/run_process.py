@@ -11,11 +11,14 @@ import torch.distributed as dist
 class process_group:
     """Join the processes that torchrun started, and leave them at the end; alone when there are none."""
 
+    def __init__(self, device: torch.device) -> None:
+        self.device = device
+
     def __enter__(self) -> tuple[int, int]:
         self.joined = int(os.environ.get("WORLD_SIZE", "1")) > 1
         if not self.joined:
             return 0, 1
-        dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+        dist.init_process_group("nccl" if self.device.type == "cuda" else "gloo")
         return dist.get_rank(), dist.get_world_size()
 
     def __exit__(self, *_: object) -> None:

@@ -82,7 +82,7 @@ class HeldOutReader(DatasetReader):
 
 
 def _hash_of(lines: Sequence[str]) -> str:
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+    return hashlib.sha256("\n".join(lines).encode(errors="surrogateescape")).hexdigest()
 
 
 def open_sets(roots: Sequence[str], split: str, layout: str) -> DatasetReader:

@@ -57,19 +57,28 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
     ``watch`` measures of the network joins the history of validations. KeyboardInterrupt, of Ctrl-C or SIGTERM, leaves
     a checkpoint to resume.
     """
-    with process_group() as (rank, world), kill_answered(signal.default_int_handler):
+    with process_group(device_of(config.device)) as (rank, world), kill_answered(signal.default_int_handler):
         run = Run(config, out, rank, world, resume=resume)
         run.watch = watch
         if run.nothing_left:
             LOG.warning("%s is finished, with all %d steps; nothing is written", out, run.step)
             return out / checkpoint.LAST
         try:
-            run.fit()
-        except KeyboardInterrupt:
-            run.save()
-            raise
-        run.finish()
+            _work(run)
+        finally:
+            if run.log is not None:
+                run.log.close()
     return out / checkpoint.LAST
+
+
+def _work(run: Run) -> None:
+    """Take the steps of a run, and fit its confidence."""
+    try:
+        run.fit()
+    except KeyboardInterrupt:
+        run.save()
+        raise
+    run.finish()
 
 
 class Run:
