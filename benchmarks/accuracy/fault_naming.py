@@ -3,8 +3,8 @@
     python -m benchmarks.accuracy.fault_naming --data DIR ... --spoilt DIR [--further DIR ...] --json FILE
 
 Every fault of `trust_cases` is put into every pair. Pairs of ``--data`` are clean; those of ``--spoilt`` come out of
-their set spoilt, so that what is said of them without a fault stands apart. The training pairs of ``--further`` are
-clean, too, and get no fault: no limit was set by them, so they tell how often a cause is raised for nothing.
+their set spoilt, so that what is said of them without a fault stands apart. Those of ``--further`` are clean, too, and
+get no fault: no limit was set by them, so they tell how often a cause is raised for nothing.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, nargs="+", required=True, help="sets of clean pairs")
     parser.add_argument("--spoilt", type=Path, nargs="*", default=[], help="sets of pairs that are spoilt")
-    parser.add_argument("--further", type=Path, nargs="*", default=[], help="sets whose training pairs are clean")
+    parser.add_argument("--further", type=Path, nargs="*", default=[], help="sets of clean pairs that get no fault")
     parser.add_argument("--split", default="test")
     parser.add_argument("--pairs", type=int, default=100, help="at most so many of each set")
     parser.add_argument("--model", default="fast")
@@ -113,7 +113,7 @@ def main() -> None:
     kinds = {reader.name: "clean" if reader in clean else "spoilt" for reader in readers}
     command = f"python -m benchmarks.accuracy.fault_naming --data {' '.join(reader.name for reader in clean)} "
     command += f"--spoilt {' '.join(reader.name for reader in spoilt)} "
-    further = [open_dataset(folder, "train") for folder in args.further]
+    further = [open_dataset(folder, args.split) for folder in args.further]
     command += f"--further {' '.join(reader.name for reader in further)} " if further else ""
     command += f"--split {args.split} "
     command += f"--pairs {args.pairs} --model {args.model}"

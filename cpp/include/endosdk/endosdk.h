@@ -444,8 +444,9 @@ ENDO_API endo_status endo_get_diagnostics(endo_estimator *estimator, char *buffe
 
 In the maps of one frame, with the rig it was computed for: any other than that of result.identity is refused. Pixels are x
 and y, one after the other, of the maps: those of the rectified left view. A result needs depth and sigma; with reasons, a
-refusal names why a pixel has no depth. Standard errors come from sigma: that of a depth is 1.41 sigma. Errors of pixels r px
-apart are correlated by exp(-r / L), L 2.1 % of the width. Errors of the calibration are not in them. */
+refusal names why a pixel has no depth. Standard errors come from sigma: that of a depth is 1.41 sigma. How the errors of
+several pixels add up, and how often the true value lies within two standard errors, is in docs/measuring.md. Errors of the
+calibration are not in them. */
 
 typedef struct endo_measured {
     uint32_t struct_size;
