@@ -237,7 +237,7 @@ def test_finished_runs_and_scores_are_not_done_again(done, tiny_set, capsys):
 
 def test_published_network_is_scored_by_its_file_which_computes_what_torch_does(tiny_set, tmp_path):
     given = [f"--data={tiny_set}", f"--runs={tmp_path}", f"--results={tmp_path}", "--only", "anynet-published"]
-    short = ["--batch=1", "--train-pairs=4", "--crop", "48", "96", "--precision=fp32", "--epochs=1", "--budget=gpu"]
+    short = [*TOY, "--max-disparity=48", "--precision=fp32", "--epochs=1"]
     assert main(["train", *given, *short]) == 0
     assert main(["evaluate", *given, *short]) == 0
     row = json.loads((tmp_path / "paper" / "table1.json").read_text())["methods"]["anynet-published"]
