@@ -33,7 +33,7 @@ test: announce tools $(VENV)/.develop lint
 PROVIDERS := build/providers
 test-providers: $(VENV)/.develop
 	scripts/fetch_providers.sh $(PROVIDERS)
-	PYTHONPATH=$(PROVIDERS)/openvino ENDOSDK_TEST_PROVIDER=openvino $(BIN)/python -m pytest tests/providers -q -n 2 --dist load
+	PYTHONPATH=$(PROVIDERS)/openvino ENDOSDK_TEST_PROVIDER=openvino $(BIN)/python -m pytest tests/providers -q
 	PYTHONPATH=$(PROVIDERS)/webgpu ENDOSDK_TEST_PROVIDER=webgpu LD_LIBRARY_PATH=$(PROVIDERS)/swiftshader \
 	    VK_DRIVER_FILES=$(PROVIDERS)/swiftshader/vk_swiftshader_icd.json $(BIN)/python -m pytest tests/providers -q -n 2 --dist load
 

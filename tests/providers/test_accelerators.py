@@ -13,7 +13,7 @@ from endosdk import DepthEstimator, _core
 from endosdk.commands.cli import main
 from endosdk.errors import ProviderUnavailable
 from endosdk.runtime.models import read_model, shipped_models
-from endosdk.runtime.providers import provider_name
+from endosdk.runtime.providers import checked_options, provider_name
 from endosdk.runtime.session import StereoSession
 from endosdk.training.model_file import write_model
 from tests.c_library import binding as c
@@ -123,7 +123,7 @@ def test_frames_through_the_estimator(accelerator):
     for disparity in streamed:
         np.testing.assert_allclose(disparity, found.disparity, rtol=0, atol=accelerator.tolerance_px)
     assert report["provider"] == provider_name(accelerator.name)
-    assert report["provider_options"] == accelerator.options
+    assert report["provider_options"] == checked_options(accelerator.name, accelerator.options)
 
 
 def test_a_provider_that_leaves_all_to_the_processor_is_refused(accelerator):
@@ -152,7 +152,7 @@ def test_the_c_library_gives_the_same(accelerator, library):
     expected = DepthEstimator(TINY_MODEL, network_size=(128, 64)).predict(left, right)
     np.testing.assert_allclose(maps["disparity"], expected.disparity, rtol=0, atol=accelerator.tolerance_px)
     assert report["provider"] == provider_name(accelerator.name)
-    assert report["provider_options"] == accelerator.options
+    assert report["provider_options"] == checked_options(accelerator.name, accelerator.options)
 
 
 def test_the_command_line_passes_options_on(accelerator, tmp_path, capsys):
