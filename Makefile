@@ -43,7 +43,7 @@ test-slow: tools $(VENV)/.develop
 test-all: test test-slow
 
 announce:
-	@echo "make test: about 8 minutes on two cores, 2 of them to install the first time (make test-all: about 25)"
+	@echo "make test: about 12 minutes on two cores, 3 of them to install the first time (make test-all: about 30)"
 
 lint: $(VENV)/.develop
 	$(BIN)/ruff check .

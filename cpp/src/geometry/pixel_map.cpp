@@ -92,8 +92,8 @@ std::array<double, 16> PixelMap::q() const {
 
 std::array<int, 4> PixelMap::region() const {
   if (!rectifies_) return {0, 0, raw_.width, raw_.height};
-  const Rectifier rectifier(raw_, geometry_.size, views_[0], views_[1], Border::fading);
-  return largest_rectangle(rectifier.valid_left(), rectifier.valid_right(), geometry_.size);
+  const auto valid = [&](int view) { return valid_pixels(views_[view], raw_, geometry_.size); };
+  return largest_rectangle(valid(0), valid(1), geometry_.size);
 }
 
 }  // namespace endosdk

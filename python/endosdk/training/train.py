@@ -64,21 +64,11 @@ def train(config: TrainConfig, out: Path, *, resume: bool = False, watch: Watch 
             LOG.warning("%s is finished, with all %d steps; nothing is written", out, run.step)
             return out / checkpoint.LAST
         try:
-            _work(run)
+            run.work()
         finally:
             if run.log is not None:
                 run.log.close()
     return out / checkpoint.LAST
-
-
-def _work(run: Run) -> None:
-    """Take the steps of a run, and fit its confidence."""
-    try:
-        run.fit()
-    except KeyboardInterrupt:
-        run.save()
-        raise
-    run.finish()
 
 
 class Run:
@@ -185,8 +175,7 @@ class Run:
         self.step, self.seconds = saved.step, float(saved.state["seconds"])
         self.history, self.origin = saved.state["history"], saved.state["init"]
         self.finished = saved.state.get("finished", False)
-        self._compare_precision(saved.state.get("precision"))
-        self._compare_processes(saved.state.get("processes"))
+        self._warn_of_changes(saved.state)
         return saved.optimiser
 
     def _check_start(self) -> None:
@@ -218,15 +207,23 @@ class Run:
         if before != now:
             raise InvalidArgument(name, f"must be the checkpoint's {before}", now)
 
-    def _compare_precision(self, before: str | None) -> None:
-        if before is not None and before != self.precision:
+    def _warn_of_changes(self, state: dict[str, Any]) -> None:
+        precision, world = state.get("precision", self.precision), state.get("processes", self.world)
+        if precision != self.precision:
             message = "this run has computed in %s and goes on in %s here; precision %s keeps what it had"
-            LOG.warning(message, before, self.precision, before)
-
-    def _compare_processes(self, before: int | None) -> None:
-        if before is not None and before != self.world:
+            LOG.warning(message, precision, self.precision, precision)
+        if world != self.world:
             message = "this run has drawn its crops for %d processes and goes on with %d: crops are drawn anew"
-            LOG.warning(message, before, self.world)
+            LOG.warning(message, world, self.world)
+
+    def work(self) -> None:
+        """Take the steps and fit the confidence; a run that is interrupted keeps its steps."""
+        try:
+            self.fit()
+        except KeyboardInterrupt:
+            self.save()
+            raise
+        self.finish()
 
     def fit(self) -> None:
         """Take every step that is left: first those of the coarse stage alone, then those of both."""
