@@ -203,6 +203,15 @@ def test_the_logs_tell_the_run(dataset_root, tmp_path):
     assert "epe_refined" in log["validation"][1]
 
 
+def test_a_row_of_the_log_has_the_mean_over_its_steps(dataset_root, four_steps, tmp_path):
+    train(settings(dataset_root, steps=4, log_every=3), tmp_path)
+    every, some = (
+        [float(line.split(",")[3]) for line in (run / "log.csv").read_text().splitlines()[1:]]
+        for run in (four_steps, tmp_path)
+    )
+    assert some == pytest.approx([sum(every[:3]) / 3, every[3]], rel=1e-5)
+
+
 def test_the_coarse_stage_alone_leaves_the_refinement_untouched(dataset_root, tmp_path):
     train(settings(dataset_root, steps=2, refine_from_step=2), tmp_path)
     torch.manual_seed(0)

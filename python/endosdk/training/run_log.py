@@ -17,7 +17,10 @@ LOG_COLUMNS = ("step", "seconds", "rate", "loss", "epe_coarse", "epe_refined", "
 
 
 class RunLog:
-    """``log.csv`` has a row for every few steps, ``log.json`` the settings, the data and every validation."""
+    """``log.csv`` has a row for every few steps, ``log.json`` the settings, the data and every validation.
+
+    A row has the step that it ends with, and the means over the steps since the row before.
+    """
 
     def __init__(self, folder: Path, last_step: int | None) -> None:
         """Start the table; rows up to ``last_step`` are kept where a run goes on.

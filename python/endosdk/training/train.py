@@ -250,6 +250,7 @@ class Run:
         )
         began = saved_at = time.monotonic()
         spent = self.seconds
+        since_row: list[dict[str, Tensor]] = []  # what the steps since the last row of the log reported
         for batch in batches:
             # A checkpoint must be of whole steps: one that is cut short has moved the norms' statistics already.
             with interrupts_deferred():
@@ -258,8 +259,10 @@ class Run:
                 self.seconds = spent + time.monotonic() - began
                 bar.update()
                 done = self.step == last
+                since_row.append({name: value.detach() for name, value in report.items()})
                 if self.step % self.config.log_every == 0 or done:
-                    self._log(report, bar)
+                    self._log(since_row, bar)
+                    since_row.clear()
             if self._is_measured(self.step):
                 self._validate(refined, bar)
             if time.monotonic() - saved_at > 60.0 * self.config.checkpoint_minutes or done:
@@ -381,10 +384,11 @@ class Run:
         self.finished = True
         self.save()
 
-    def _log(self, report: dict[str, Tensor], bar: tqdm[Any]) -> None:
+    def _log(self, reports: list[dict[str, Tensor]], bar: tqdm[Any]) -> None:
+        """Add a row: the means over these steps."""
         if self.log is None:
             return
-        values = {name: value.item() for name, value in report.items()}
+        values = {name: torch.stack([report[name] for report in reports]).mean().item() for name in reports[0]}
         bar.set_postfix({name: f"{value:.3g}" for name, value in values.items() if name != "rate"})
         self.log.add_step(self.step, self.seconds, values)
 
