@@ -7,7 +7,7 @@ Lengths are px of a frame 960 wide.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -31,15 +31,36 @@ class Case:
     name: str
     spoil: Spoil
     causes: tuple[Cause, ...] = ()
+    joins_another: bool = False  # the right view is that of another pair
 
-    def pair(self, sample: Sample) -> Sample:
-        """Spoil a sample, the same way every time."""
+    def pair(self, sample: Sample, another: Sample | None = None) -> Sample:
+        """Spoil a sample, the same way every time. Raises ValueError where the case needs ``another`` and has none."""
+        if self.joins_another:
+            if another is None:
+                raise ValueError(f"{self.name}: no pair of another scene")
+            sample = replace(sample, right=another.right)
         seed = [zlib.crc32(sample.id.encode()), zlib.crc32(self.name.encode())]
         return self.spoil(sample, np.random.default_rng(seed))
 
     def named_by(self, answer: DepthResult) -> bool:
         """Whether the frame is not OK and names a cause of the case."""
         return answer.status != Status.OK and bool(set(answer.causes) & set(self.causes))
+
+
+def next_scene(scenes: Sequence[str]) -> list[int | None]:
+    """Return for each pair the number of the next one that shows another scene; after the last comes the first.
+
+    ``scenes`` names what each pair shows. None: all show one.
+    """
+    count = len(scenes)
+    orders = ([(number + step) % count for step in range(1, count)] for number in range(count))
+    return [
+        next((other for other in order if scenes[other] != scenes[number]), None) for number, order in enumerate(orders)
+    ]
+
+
+def _as_it_is(sample: Sample, rng: np.random.Generator) -> Sample:
+    return sample
 
 
 def _whole(picture: NDArray[np.floating]) -> Picture:
@@ -231,13 +252,13 @@ def _swapped(sample: Sample, rng: np.random.Generator) -> Sample:
     return replace(sample, left=sample.right, right=sample.left)
 
 
-def _other_moment(sample: Sample, rng: np.random.Generator) -> Sample:
-    """The right view of quite another place: here, upside down."""
+def _upside_down(sample: Sample, rng: np.random.Generator) -> Sample:
+    """A right camera that is read out from its last row to its first."""
     return replace(sample, right=np.ascontiguousarray(sample.right[::-1]))
 
 
 USABLE = (
-    Case("clean", lambda s, rng: s),
+    Case("clean", _as_it_is),
     *(Case(f"noise of {n} grey levels", _each(_noise(n))) for n in (4, 8, 12)),
     Case("exposure x 0.25", _each(_exposed(0.25))),
     Case("exposure x 2", _each(_exposed(2.0))),
@@ -264,7 +285,8 @@ FAULTS = (
     Case("the left view twice, with noise of 6", _again(_noise(6)), (Cause.SAME_VIEW_TWICE,)),
     Case("the left view twice, as JPEG", _again(_jpeg(40)), (Cause.SAME_VIEW_TWICE,)),
     Case("views swapped", _swapped, (Cause.SWAPPED,)),
-    Case("another scene", _other_moment, (Cause.VIEWS_DIFFER,)),
+    Case("right view of another scene", _as_it_is, (Cause.VIEWS_DIFFER,), joins_another=True),
+    Case("right view upside down", _upside_down, (Cause.VIEWS_DIFFER,)),
     Case("rows 12 px off", _rows_off(12.0), (Cause.NOT_RECTIFIED, Cause.RIG_MOVED)),
     *(
         Case(f"right camera {how} by {angle} degree", _turned(angle, axis), (Cause.RIG_MOVED,))

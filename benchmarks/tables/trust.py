@@ -12,7 +12,8 @@ from benchmarks.tables import records
 from benchmarks.tables.markdown import percent, table
 from endosdk import _core
 
-PAIRS = {"clean": "clean", "spoilt": "degraded"}  # as a record and as a page name them
+# Kinds of pairs, as a record and as a page name them.
+PAIRS = {"clean": "clean", "further": "further clean", "spoilt": "degraded"}
 TRUST_PAGE = ("fast", "accurate")  # models of which the page of trust has all cases
 CARD_CASES = ("clean", "noise of 12 grey levels", "JPEG of quality 20")
 
@@ -24,12 +25,21 @@ def trust_table(model: str) -> str:
     for case, found in record["cases"].items():
         keys = ("right_called_valid", "wrong_called_valid", "wrong_of_valid", "within_sigma", "named")
         right, wrong, of_valid, within, named = (found.get(key) for key in keys)
-        frames = _frames(found["status"])
         # Where all depths are off, what is called right tells nothing. How many of the valid ones are wrong does.
-        judged = (right, wrong, of_valid, within, None) if named is None else (None, None, of_valid, None, named)
-        rows.append([case, frames, *("" if share is None else percent(share) for share in judged)])
+        if named is not None:
+            right, wrong, within = None, None, within if _usable(found) else None
+        rows.append([case, _frames(found["status"]), *map(_percent, (right, wrong, of_valid, within, named))])
     heads = [records.marked("pairs", record["model_sha256"]), "frames", "right pixels valid", "wrong pixels valid"]
     return table([*heads, "valid pixels that are wrong", "error within sigma", "cause named"], rows)
+
+
+def _usable(found: Mapping[str, Any]) -> bool:
+    """Whether one of the frames may be used."""
+    return set(found["status"]) != {"INVALID"}
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else percent(share)
 
 
 def min_confidence_table() -> str:
@@ -59,22 +69,29 @@ def _usable_cases(record: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def fault_naming_table() -> str:
-    """How often a fault's cause was named, in clean pairs and in pairs that were spoilt before."""
+    """How often a fault's cause was named, in pairs of each kind; frames without one are counted over whole sets."""
     record = records.read("accuracy/fault_naming")
-    kinds = {name: found["pairs"] for name, found in record["datasets"].items()}
+    sets = {name: found["pairs"] for name, found in record["datasets"].items()}
+    kinds = [kind for kind in PAIRS if kind in sets.values()]
 
-    def of(counted: dict[str, int], kind: str) -> str:
-        return str(sum(count for name, count in counted.items() if kinds[name] == kind))
+    def of(counted: Mapping[str, int]) -> list[int]:
+        return [sum(count for name, count in counted.items() if sets.get(name) == kind) for kind in kinds]
 
-    plain = record["without_fault"]
-    whole = {name: found["frames"] for name, found in plain.items()}
-    not_ok = {name: found["frames"] - found["status"].get("OK", 0) for name, found in plain.items()}
-    rows = [["none: frames that are not OK", *(of(not_ok, kind) for kind in ("clean", "spoilt"))]]
-    for fault, found in record["faults"].items():
-        named = {name: one["named"] for name, one in found["sets"].items()}
-        rows.append([fault, *(of(named, kind) for kind in ("clean", "spoilt"))])
+    plain = record["without_fault"] | record.get("further", {})
+    whole = of({name: found["frames"] for name, found in plain.items()})
+    not_ok = of({name: found["frames"] - found["status"].get("OK", 0) for name, found in plain.items()})
+    faults = record["faults"]
+    frames = of({name: one["frames"] for name, one in next(iter(faults.values()))["sets"].items()})
+    shown = [
+        f"{alarms}" if all_ == some else f"{alarms} of {all_}"
+        for alarms, all_, some in zip(not_ok, whole, frames, strict=True)
+    ]
+    rows = [["none: frames that are not OK", *shown]]
+    for fault, found in faults.items():
+        rows.append([fault, *map(str, of({name: one["named"] for name, one in found["sets"].items()}))])
     label = records.marked("fault", record["model_sha256"])
-    return table([label, *(f"of {of(whole, kind)} {shown} pairs" for kind, shown in PAIRS.items())], rows)
+    heads = [f"of {some} {PAIRS[kind]} pairs" for kind, some in zip(kinds, frames, strict=True)]
+    return table([label, *heads], rows)
 
 
 def card_trust_table(model: str) -> str:

@@ -1,13 +1,14 @@
 """The bench of trust runs, spoils what it says it spoils, and counts what it says it counts."""
 
 from collections import Counter
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks.accuracy.trust import Tally, measure
-from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case
+from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case, next_scene
 from endosdk import Cause, DepthEstimator, Reason, Status, StereoCalibration
 from endosdk.datasets.dataset import Sample
 from tests.conftest import TINY_MODEL, shifted_pair
@@ -43,12 +44,25 @@ def test_a_case_does_not_see_the_frames_of_another_one():
     assert not any("FROZEN" in result["causes"] for result in found.values())
 
 
+def test_another_scene_is_that_of_the_next_pair_which_shows_another():
+    assert next_scene(["a", "a", "b", "b", "c"]) == [2, 2, 4, 4, 0]
+    assert next_scene(["a", "b", "a"]) == [1, 2, 1]
+    assert next_scene(["a", "a"]) == [None, None]
+    case = next(case for case in FAULTS if case.joins_another)
+    one, other = plane(), replace(plane(), right=np.full_like(plane().right, 7))
+    joined = case.pair(one, other)
+    assert np.array_equal(joined.right, other.right) and np.array_equal(joined.left, one.left)
+    with pytest.raises(ValueError, match="no pair of another scene"):
+        case.pair(one)
+
+
 def test_every_case_changes_the_pair_and_keeps_its_shape():
     sample = plane()
+    another = replace(sample, right=np.ascontiguousarray(sample.right[:, ::-1]))
     names = [case.name for case in (*USABLE, *FAULTS)]
     assert len(set(names)) == len(names)
     for case in (*USABLE[1:], *FAULTS):
-        spoilt = case.spoil(sample, np.random.default_rng(1))
+        spoilt = case.pair(sample, another)
         assert spoilt.left.shape == spoilt.right.shape == sample.left.shape
         assert spoilt.left.dtype == spoilt.right.dtype == np.uint8
         same = np.array_equal(spoilt.left, sample.left) and np.array_equal(spoilt.right, sample.right)
@@ -82,7 +96,8 @@ def tallied(sample, status=Status.OK, causes=(), largest=31.0, case=AS_IT_IS, **
     """Count an answer whose maps are right and sure but for what is given; each map is the list of its row."""
     count = sample.disparity.shape[1]
     right = {"disparity": [8] * count, "depth": [100] * count, "sigma": [1] * count, "confidence": [0.9] * count}
-    rows = {name: np.array([row], np.float32) for name, row in (right | maps).items() if name != "reasons"}
+    given = {name: row for name, row in (right | maps).items() if name != "reasons"}
+    rows = {name: None if row is None else np.array([row], np.float32) for name, row in given.items()}
     reasons = np.array([maps.get("reasons", [0] * count)], np.uint8)
     answer = SimpleNamespace(status=status, causes=causes, reasons=reasons, sigma_map=rows["sigma"], **rows)
     tally = Tally()
@@ -111,7 +126,7 @@ def test_errors_of_depth_within_one_and_within_two_sigma():
     """Of valid pixels alone; a third sigma is not within two."""
     depth, sigma = [100, 102, 98, 102.5, 96, 104.5, 95, 100], [2] * 7 + [9]
     found = tallied(row_of(8), depth=depth, sigma=sigma, reasons=[0] * 7 + [int(Reason.LOW_CONFIDENCE)])
-    assert found.pixels["known_valid"] == 7
+    assert found.pixels["known_valid"] == found.pixels["with_sigma"] == 7
     assert (found.pixels["within_sigma"], found.pixels["within_two_sigma"]) == (3, 5)
     # All have a sigma of 2 mm, and errors of (0 + 2 + 2 + 2.5 + 4 + 4.5 + 5) / 7 = 20 / 7 mm in the mean.
     assert found.result(AS_IT_IS)["sigma_ece_mm"] == pytest.approx(20 / 7 - 2, abs=5e-4)
@@ -139,6 +154,34 @@ def test_confidence_is_judged_by_how_it_ranks_the_errors():
     assert ranked["ause"] == 0 and reverse["ause"] > 0.5
 
 
+def test_confidence_is_right_as_often_as_it_says():
+    """In a row of 960 px, its error is 2 px. Half of the pixels have a confidence of 0.25, and one in five is right."""
+    sure = np.repeat([0.25, 0.95], 480)
+    errors = np.where(np.arange(960) % 5, 2.0, 1.75)
+    errors[480:] = 0.0
+    found = tallied(row_of(960), disparity=8 + errors, confidence=sure).result(AS_IT_IS)
+    bins = found["confidence_bins"]
+    assert bins["pixels"] == [0, 0, 480, 0, 0, 0, 0, 0, 0, 480]
+    assert bins["confidence"] == [None, None, 0.25, *[None] * 6, 0.95] and bins["right"][2::7] == [0.2, 1.0]
+    assert found["confidence_ece"] == pytest.approx((0.05 + 0.05) / 2)
+
+
+def test_the_highest_confidence_is_in_the_last_bin():
+    assert tallied(row_of(3), confidence=[1, 0.92, 0.88]).confidence[0].tolist() == [0] * 8 + [1, 2]
+
+
+def test_an_invalid_frame_says_nothing_of_confidence():
+    found = tallied(row_of(8), Status.INVALID, confidence=[0] * 8).result(AS_IT_IS)
+    assert found["confidence_ece"] is None and found["ause"] is None
+
+
+def test_confidence_is_judged_without_a_camera_too():
+    sample = replace(row_of(8), focal_px=np.nan, baseline_mm=np.nan)
+    found = tallied(sample, sigma=None).result(AS_IT_IS)
+    assert found["confidence_ece"] == pytest.approx(0.1, abs=1e-4) and found["ause"] == 0
+    assert found["within_sigma"] is None and found["sigma_ece_mm"] is None
+
+
 @pytest.mark.parametrize(
     ("status", "causes", "named"),
     [
@@ -156,7 +199,7 @@ def test_a_fault_is_named_by_a_frame_that_is_not_ok_and_has_one_of_its_causes(st
 
 def test_shares_are_of_what_their_names_say():
     """Known: 1000 pixels, half of them valid. No two shares are equal."""
-    pixels = Counter(known=1000, known_valid=500, within_sigma=300, within_two_sigma=450)
+    pixels = Counter(known=1000, known_valid=500, with_sigma=500, within_sigma=300, within_two_sigma=450)
     pixels.update(right=800, right_valid=400, wrong=50, wrong_valid=5, outside=40, outside_valid=1)
     for i, threshold in enumerate((0.5, 0.6, 0.7, 0.8)):
         pixels.update({f"right_from_{threshold}": 8 * (90 - i), f"wrong_from_{threshold}": 40 - i})
@@ -181,6 +224,8 @@ def test_shares_are_of_what_their_names_say():
         "within_sigma": 0.6,
         "within_two_sigma": 0.9,
         "ause": 0.25,
+        "confidence_ece": None,
+        "confidence_bins": {"pixels": [0] * 10, "confidence": [None] * 10, "right": [None] * 10},
         "sigma_ece_mm": None,
     }
     assert tally.result(FAULTY) == plain | {"expected": ["COVERED", "DIM"], "named": 0.25}
