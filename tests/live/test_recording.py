@@ -7,6 +7,7 @@ import fcntl
 import io
 import json
 import math
+import shutil
 import signal
 import struct
 import subprocess
@@ -804,6 +805,43 @@ def test_a_damaged_recording_is_refused(recorded, tmp_path):
     (tmp_path / "x.mcap").write_bytes(b"no bag")
     with pytest.raises(SourceFailed, match="bag that can be read"):
         endosdk.open_source(tmp_path / "x.mcap")
+
+
+@pytest.mark.parametrize("name", ["pair.mkv", "depth.mkv", "frames.jsonl"])
+def test_a_changed_recording_is_never_replayed_as_if_it_were_the_one_that_was_made(recorded, tmp_path, name):
+    """Files are changed at twenty places each: what comes back is what was recorded, or an error."""
+    copy = tmp_path / "r"
+    shutil.copytree(recorded, copy)
+    content = (recorded / name).read_bytes()
+    wanted, refused = contents_of(recorded), 0
+    for place in np.linspace(len(content) // 10, len(content) - 1, 20).astype(int):
+        changed = bytearray(content)
+        changed[place] ^= 4
+        (copy / name).write_bytes(changed)
+        try:
+            found = contents_of(copy)
+        except SourceFailed:
+            refused += 1
+            continue
+        assert found == wanted, f"{name}, byte {place}"  # such as the name of the program that wrote the file
+    assert refused >= 15
+
+
+def contents_of(path):
+    """All that a recording gives back, as bytes."""
+    frames = [(f.number, f.stamp_ns, f.left.tobytes(), f.right.tobytes()) for f in endosdk.open_source(path)]
+    return frames, [(line, values.tobytes()) for line, values in Recording(path).maps()]
+
+
+def test_a_recording_of_one_file_is_known_by_its_hashes_too(recorded, tmp_path):
+    file = tmp_path / "r.mkv"
+    assert main(["replay", str(recorded), "--out", str(file)]) == 0
+    content = bytearray(file.read_bytes())
+    place = content.rindex(b'"valid_share": 0.') + 17  # a digit of a line
+    content[place] = ord("0") + (content[place] - ord("0") + 1) % 10
+    file.write_bytes(content)
+    with pytest.raises(SourceFailed, match="must have the lines that it was recorded with"):
+        endosdk.open_source(file)
 
 
 def test_replay_refuses_names_that_cannot_be(recorded, tmp_path, capsys):

@@ -21,6 +21,7 @@ from endosdk.io.locks import locked_folder
 from endosdk.io.resumable_folder import claim_folder, difference
 from endosdk.io.whole_files import whole_folder, whole_path, write_text
 from endosdk.live.frames import Frame
+from endosdk.live.recording.hashes import hash_of_lines, hash_of_picture
 from endosdk.live.recording.result_line import said_of
 from endosdk.live.recording.sixteen_bits import STEPS, quantity_of, to_levels
 from endosdk.live.recording.texts import FORMAT_VERSION, LINES, PARTS, RECORD, lines_of, parse_line
@@ -150,11 +151,14 @@ class Recorder:
         left, _ = self._estimator.rectify(frame.left, frame.right)
         low, high = self._record["preview_range"]
         name, _, values = quantity_of(result)
-        self._writers["depth"].add(to_levels(values, result.reasons, STEPS[name]), stamp)
-        self._writers["preview"].add(preview(left, result, low, high), stamp)
+        kept = {"depth": to_levels(values, result.reasons, STEPS[name])}
         if self._pictures:
-            self._writers["pair"].add(np.hstack([frame.left, frame.right]), stamp)
-        self._lines.append(json.dumps(line_of(frame, result)))
+            kept["pair"] = np.hstack([frame.left, frame.right])
+        for kind, picture in kept.items():
+            self._writers[kind].add(picture, stamp)
+        self._writers["preview"].add(preview(left, result, low, high), stamp)
+        hashes = {kind: hash_of_picture(picture) for kind, picture in kept.items()}
+        self._lines.append(json.dumps({**line_of(frame, result), "sha256": hashes}))
 
     def _end_part(self) -> None:
         if not self._writers:
@@ -183,8 +187,9 @@ class Recorder:
             ending, container = (".mp4", "mp4") if kind == "preview" else (".mkv", "matroska")
             with whole_path(self.out / f"{kind}{ending}", "out") as partial:  # on the disk before the parts are removed
                 join([part / f"{kind}.mkv" for part in parts], partial, container)
-        write_text(self.out / LINES, "\n".join(lines_of(self.out)) + "\n", "out")
-        self._record["complete"] = True
+        lines = lines_of(self.out)
+        write_text(self.out / LINES, "\n".join(lines) + "\n", "out")
+        self._record.update(complete=True, lines_sha256=hash_of_lines(lines))
         with interrupts_deferred():
             self._save()
             shutil.rmtree(self.out / PARTS, ignore_errors=True)  # what is left of them does not count

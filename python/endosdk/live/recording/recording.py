@@ -14,6 +14,7 @@ from endosdk.calibration.rig import StereoCalibration
 from endosdk.errors import InvalidArgument, SourceFailed
 from endosdk.io.bounded_read import Refused, is_there
 from endosdk.live.frames import Frame
+from endosdk.live.recording.hashes import hash_of_lines, hash_of_picture
 from endosdk.live.recording.sixteen_bits import from_levels
 from endosdk.live.recording.texts import LINES, PARTS, RECORD, is_joined, parse_line, parse_record, texts_of
 from endosdk.live.sources.decoder import load_av
@@ -28,7 +29,8 @@ class Recording(Source):
     """A recording of ``endosdk run``, a folder or a Matroska file, as a source.
 
     Frames, numbers, stamps and tags are as they came, unless ``swap`` or `tagged` asks for others. One that was not
-    finished gives what is there. ``lines`` has one entry a frame, ``calibration`` is the rig.
+    finished gives what is there. ``lines`` has one entry a frame, ``calibration`` is the rig. Lines or pictures whose
+    hashes are not those that were recorded end it with `SourceFailed`.
     """
 
     reading = ()
@@ -44,6 +46,8 @@ class Recording(Source):
         try:
             text, lines = _attached(path) if path.is_file() else texts_of(path)
             record = parse_record(text)
+            if record.get("lines_sha256") not in (None, hash_of_lines(lines)):
+                raise Refused("must have the lines that it was recorded with", "others")
             self.lines: list[dict[str, Any]] = [parse_line(line) for line in lines]
         except Refused as error:
             raise SourceFailed("source", "must be a whole recording", f"{path}: {error}") from error
@@ -93,6 +97,9 @@ class Recording(Source):
             picture = next(pictures, None)
             if picture is None:
                 raise SourceFailed("source", f"must hold a picture of {kind} for every line", self.word)
+            if line.get("sha256", {}).get(kind) not in (None, hash_of_picture(picture)):
+                seen = f"{self.word}, whose {kind} of frame {line['number']} is another one"
+                raise SourceFailed("source", "must hold the pictures that were recorded", seen)
             yield line, picture
 
     def _pictures(self, kind: str, pixels: str) -> Iterator[Any]:

@@ -51,6 +51,8 @@ def parse_record(text: str) -> dict[str, Any]:
         raise Refused(f"must have a map and its step, one of {STEPS}", kept)
     if not isinstance(settings.get("calibration", ""), dict | None):
         raise Refused("must have a calibration, null where there is none", "another kind of value")
+    if not isinstance(record.get("lines_sha256"), str | None):
+        raise Refused("must have the hash of its lines as text", record["lines_sha256"])
     return record
 
 
@@ -64,6 +66,7 @@ def parse_line(text: str) -> dict[str, Any]:
     if not isinstance(line.get("status"), str) or not isinstance(line.get("fault"), str | None) or "tag" not in line:
         raise Refused("must have a status, a fault and a tag on every frame", f"frame {line['number']}")
     _mapping(line.get("causes"))
+    _mapping(line.get("sha256", {}))
     return line
 
 
