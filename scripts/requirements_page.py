@@ -1,4 +1,4 @@
-"""Write docs/device/requirements.md from docs/device/requirements.toml: each requirement with links to its tests.
+"""Write docs/device/requirements.md from requirements.toml beside it: requirements with their tests, hazards, findings.
 
 python scripts/requirements_page.py
 """
@@ -41,6 +41,12 @@ def findings() -> list[dict[str, Any]]:
     """Return what reviews found wrong, each with the tests that hold what was mended."""
     content = tomllib.loads((FOLDER / "requirements.toml").read_text())
     return list(content["finding"])
+
+
+def hazards() -> list[dict[str, Any]]:
+    """Return what can go wrong in a device, each with causes of frames, requirements that answer it, and the rest."""
+    content = tomllib.loads((FOLDER / "requirements.toml").read_text())
+    return list(content["hazard"])
 
 
 def open_points() -> dict[int, list[str]]:
@@ -86,7 +92,19 @@ def page() -> str:
             if "open" in entry:
                 lines.append(f"- Open: {entry['open']}")
             lines.append("")
-    lines += ["## What reviews found", "", "Each defect was fixed and has a regression test.", ""]
+    lines += [
+        "## Hazard hints",
+        "",
+        "Input for the risk file of your device, which this is not. Causes and reasons: see [trust](../trust.md).",
+        "Faults that nothing reports: see [limits](../limits.md).",
+        "",
+        "| hazard | causes of a frame | requirements | what remains for the device |",
+        "| --- | --- | --- | --- |",
+    ]
+    for hazard in hazards():
+        cells = [hazard["text"], ", ".join(hazard["causes"]) or "-", ", ".join(hazard["controls"]), hazard["device"]]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "## What reviews found", "", "Each defect was fixed and has a regression test.", ""]
     lines += [f"- {entry['text']} {_links(entry['tests'])}" for entry in findings()]
     return "\n".join(lines).rstrip() + "\n"
 

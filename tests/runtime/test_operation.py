@@ -11,6 +11,7 @@ import pytest
 
 from endosdk import DepthEstimator, StereoCalibration, errors
 from endosdk.runtime.session import BoundRun
+from tests.c_library.test_errors import double_disparity, edited_model
 from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 
 PAIR = shifted_pair(96, 160, 9)
@@ -26,6 +27,15 @@ def test_late_frames_are_marked_counted_and_logged(caplog):
     assert sum("was late" in line for line in caplog.messages) == 3
     assert not DepthEstimator(TINY_MODEL, deadline_ms=60_000.0).predict(*PAIR).late
     assert not DepthEstimator(TINY_MODEL).predict(*PAIR).late
+
+
+def test_diagnostics_tell_the_spread_of_latencies():
+    estimator = DepthEstimator(TINY_MODEL, threads=1)
+    times = sorted(estimator.predict(*PAIR).timings.total_ms for _ in range(20))
+    latency = estimator.diagnostics()["latency_ms"]
+    assert latency["max"] >= times[-1]
+    assert 0 < latency["p50"] <= latency["p95"] <= latency["p99"] <= latency["max"]
+    assert latency["p50"] == pytest.approx(np.median(times), rel=0.25)  # it is kept in steps
 
 
 def test_logs_hold_nothing_of_the_pictures(caplog, capfd):
@@ -94,6 +104,13 @@ def test_self_test_passes_and_leaves_no_trace():
     after = estimator.predict(*PAIR)
     np.testing.assert_array_equal(before.disparity, after.disparity)
     assert after.frame == 2
+
+
+def test_a_model_that_finds_something_else_fails_the_self_test():
+    with DepthEstimator(edited_model(double_disparity)) as estimator:
+        with pytest.raises(errors.SelfTestFailed, match="self test: disparity: at least half of a plane"):
+            estimator.self_test()
+        assert estimator.diagnostics()["frames"] == 0
 
 
 def test_the_nearest_depth_is_known_before_the_first_frame():

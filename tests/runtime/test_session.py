@@ -137,6 +137,13 @@ def test_a_provider_that_computes_nothing_is_refused():
         DepthEstimator(TINY_MODEL, provider=IDLE_PROVIDER)
 
 
+def test_a_session_that_only_reads_a_model_runs_nothing():
+    reader = StereoSession(read_model(TINY_MODEL), provider=IDLE_PROVIDER)
+    views, maps = np.zeros((2, 3, 32, 64), np.uint8), np.zeros((2, 32, 64), np.float32)
+    with pytest.raises(errors.InternalError, match="session: must be one for a size"):
+        reader.bind(*views, *maps)
+
+
 GPU, CPU = "CUDAExecutionProvider", _core.cpu_provider
 
 
