@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -210,15 +215,20 @@ def test_the_processor_does_what_it_says(sample: Sample) -> None:
     assert np.abs(laced[1::2].astype(int) - sample.left[1::2]).mean() > 0.3
 
 
+def write_clean(root: Path, sample: Sample, pairs: int, **described: object) -> None:
+    """Write a set of test pairs that differ by their names alone."""
+    names = [f"{number:03d}" for number in range(pairs)]
+    hashes = {name: write_sample(root, "test", replace(sample, id=name)) for name in names}
+    record = {"format_version": 1, "name": root.name, **described, "samples": {"train": {}, "test": hashes}}
+    write_dataset_record(root, record)
+
+
 def test_a_set_on_disk_is_spoiled_by_the_command(
     sample: Sample, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clean, out, again = (tmp_path / name for name in ("clean", "out", "again"))
-    pairs = {f"{k:03d}": replace(sample, id=f"{k:03d}") for k in range(4)}
-    hashes = {name: write_sample(clean, "test", pair) for name, pair in pairs.items()}
     limits = {"smallest": 2.0, "largest": 69.5}
-    described = {"format_version": 1, "name": "clean", "disparity_limits_px": limits}
-    write_dataset_record(clean, {**described, "samples": {"train": {}, "test": hashes}})
+    write_clean(clean, sample, 4, disparity_limits_px=limits)
     assert main(["simulate", "--spoil", str(clean), "--out", str(out), "--seed", "3"]) == 0
     assert main(["simulate", "--check", str(out)]) == 0
     assert main(["simulate", "--spoil", str(clean), "--out", str(again), "--seed", "3"]) == 0
@@ -230,11 +240,79 @@ def test_a_set_on_disk_is_spoiled_by_the_command(
     assert len({pair.left.tobytes() for pair in spoiled[0]}) == 4
     capsys.readouterr()
     assert main(["simulate", "--spoil", str(clean), "--out", str(out)]) == 2
+    rule = "out: must be new, or hold a set begun with the same pairs and seed; got "
+    assert f"{rule}{out}, begun with seed 3, not 1" in capsys.readouterr().err
+    assert main(["simulate", "--spoil", str(clean), "--out", str(tmp_path)]) == 2
     assert "out: must be an empty or new folder" in capsys.readouterr().err
+    assert not (tmp_path / ".lock").exists()
     assert main(["simulate", "--spoil", str(clean), "--out", str(tmp_path / "x"), "--width", "64"]) == 2
     assert (
         "spoil: takes the pairs as they are, so leave out the rest but --seed; got --width" in capsys.readouterr().err
     )
+
+
+def written(root: Path) -> dict[str, bytes]:
+    """Return the bytes of all files of a set but those of the run itself."""
+    files = [path for path in root.rglob("*") if path.is_file() and path.name not in (".lock", "dataset.json")]
+    return {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
+
+
+def test_a_set_that_was_interrupted_is_continued_with_the_same_bytes(sample: Sample, tmp_path: Path) -> None:
+    clean, whole, out = (tmp_path / name for name in ("clean", "whole", "out"))
+    write_clean(clean, sample, 24)
+    assert main(["simulate", "--spoil", str(clean), "--out", str(whole)]) == 0
+    program = "import sys; from endosdk.commands.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["simulate", "--spoil", str(clean), "--out", str(out)]
+    with subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL) as run:
+        limit = time.monotonic() + 120
+        while not list(out.glob("test/*")) and time.monotonic() < limit:
+            time.sleep(0.002)
+        run.kill()
+    assert not (out / "dataset.json").exists()
+    finished = {path.name: path.stat().st_mtime_ns for path in out.glob("test/*")}
+    assert 1 <= len(finished) < 24
+    left_over = out / ".partial-test-023-1"
+    left_over.mkdir()
+    (left_over / "left.png").write_bytes(b"half")
+    assert main(words) == 0
+    assert {name: (out / "test" / name).stat().st_mtime_ns for name in finished} == finished
+    assert written(out) == written(whole)
+    assert open_dataset(out, "test").sha256 == open_dataset(whole, "test").sha256
+
+
+def test_a_finished_set_stays_and_what_was_deleted_comes_back(
+    sample: Sample, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clean, out = tmp_path / "clean", tmp_path / "out"
+    write_clean(clean, sample, 3)
+    words = ["simulate", "--spoil", str(clean), "--out", str(out)]
+    assert main(words) == 0
+    before, record = written(out), (out / "dataset.json").read_bytes()
+    shutil.rmtree(out / "test" / "001")
+    assert main(words) == 0
+    assert written(out) == before
+    assert (out / "dataset.json").read_bytes() == record
+    (out / "test" / "002" / "left.png").write_bytes(b"changed")
+    assert main(words) == 2
+    assert "a finished sample was changed; delete its folder" in capsys.readouterr().err
+    assert (out / "dataset.json").read_bytes() == record
+
+
+def test_an_interrupted_spoiling_says_how_to_go_on(sample: Sample, tmp_path: Path) -> None:
+    clean, out = tmp_path / "clean", tmp_path / "out"
+    write_clean(clean, sample, 24)
+    # A shell starts what it puts in the background with control-C ignored, which tests begun there would hand on.
+    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = f"{heed}; import sys; from endosdk.commands.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = [sys.executable, "-c", program, "simulate", "--spoil", str(clean), "--out", str(out)]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as run:
+        limit = time.monotonic() + 120
+        while not list(out.glob("test/*")) and time.monotonic() < limit:
+            time.sleep(0.002)
+        run.send_signal(signal.SIGINT)
+        said = run.communicate(timeout=120)[1]
+    assert run.returncode == 130
+    assert said.endswith(f"endosdk simulate: stopped; the same command continues {out}\n")
 
 
 @pytest.mark.parametrize("kind", ["raw views", "single pairs"])

@@ -67,12 +67,7 @@ def _option(name: str) -> str:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="output folder; an unfinished data set is continued, but --spoil needs a new or empty folder",
-    )
+    what.add_argument("--out", type=Path, metavar="DIR", help="output folder; an unfinished data set is continued")
     what.add_argument("--check", type=Path, metavar="DIR", help="compare a data set with its recorded hashes")
     what.add_argument("--setup-cycles", action="store_true", help="install Blender for --renderer cycles, by pip")
     parser.add_argument(
@@ -164,7 +159,10 @@ def _spoil(args: argparse.Namespace) -> int:
     for name, without in _RENDERING.items():
         if getattr(args, name) != without:
             raise InvalidArgument(name, "is for rendering; leave it out with --spoil", getattr(args, name))
-    record = spoil_set(args.spoil, args.out, args.seed if args.seed is not None else 1)
+    try:
+        record = spoil_set(args.spoil, args.out, args.seed if args.seed is not None else 1)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"stopped; the same command continues {args.out}") from None
     report = Report(args)
     report.record = {"out": args.out, "pairs": sum(len(ids) for ids in record["samples"].values())}
     report.line(f"{args.out}: {report.record['pairs']} spoiled pairs")

@@ -49,7 +49,7 @@ def generate(
     missing = [task for task in recipe.tasks() if not job.is_done(task)]
     if missing:
         job.check()
-    _check_place(job.root)
+    check_place(job.root)
     with locked_folder(job.root, "out"):
         _claim(job.root, recipe)  # not before: what it removes and writes may be in use by another run
         _check_finished(job.root)
@@ -62,8 +62,8 @@ def generate(
         return record
 
 
-def _check_place(root: Path) -> None:
-    """Refuse a folder of something else, which not even a lock may change."""
+def check_place(root: Path) -> None:
+    """Refuse a folder of something else, which not even a lock may change. Raises InvalidArgument."""
     with suppress(OSError):  # of a folder that is not there, or that the lock names as one that cannot be written
         names = {path.name for path in root.iterdir()}
         if RECIPE not in names and not all(name == LOCK or name.startswith(PARTIAL) for name in names):
