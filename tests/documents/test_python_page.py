@@ -12,7 +12,7 @@ PAGE = ROOT / "docs" / "python.md"
 
 def test_every_example_runs_in_order(tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    assert len(blocks) == 8
+    assert len(blocks) == 9
     shutil.copytree(ROOT / "examples" / "data", tmp_path / "examples" / "data")
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

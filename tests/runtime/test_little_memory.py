@@ -117,7 +117,7 @@ class ForgetfulStream:
 
 def test_memory_that_runs_out_while_an_answer_is_fetched_has_its_code_too():
     feeder = Feeder(
-        iter([shifted_pair(64, 96, 8)]), lambda width, height: ForgetfulStream(), lambda *frame: None, "rgb"
+        iter([shifted_pair(64, 96, 8)]), lambda width, height: ForgetfulStream(), lambda *_: None, "rgb", newest=False
     )
     with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.name):
         list(feeder.answers())
@@ -131,6 +131,6 @@ def test_memory_that_runs_out_over_a_pair_of_a_source_has_its_code_too(monkeypat
 
     monkeypatch.setattr(np, "ascontiguousarray", no_memory)
     pair = [np.zeros((64, 192, 3), np.uint8)[:, ::2] for _ in range(2)]
-    feeder = Feeder(iter([pair]), lambda width, height: ForgetfulStream(), lambda *_: None, "rgb")
+    feeder = Feeder(iter([pair]), lambda width, height: ForgetfulStream(), lambda *_: None, "rgb", newest=False)
     with pytest.raises(EndoError, match=ErrorCode.OUT_OF_MEMORY.name):
         list(feeder.answers())

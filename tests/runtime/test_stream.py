@@ -210,6 +210,75 @@ def test_one_interrupt_ends_a_program_whose_camera_has_stalled(tmp_path):
             running.kill()
 
 
+class Camera:
+    """Pairs that wait for nobody, in memory that is used again."""
+
+    def __init__(self, count, error=None):
+        self.count, self.error = count, error
+        self.all_given = threading.Event()
+
+    def __iter__(self):
+        buffers = tuple(np.empty((*SIZE, 3), np.uint8) for _ in range(2))
+        for number in range(self.count):
+            for buffer, view in zip(buffers, shifted_pair(*SIZE, 4 + number % 16), strict=True):
+                buffer[:] = view
+            yield buffers
+        for buffer in buffers:
+            buffer[:] = 0  # as a driver may that has no further frame
+        self.all_given.set()
+        if self.error is not None:
+            raise self.error
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_slow_consumer_gets_the_newest_pair_and_the_number_of_those_that_were_dropped(threads):
+    camera, estimator = Camera(40), DepthEstimator(TINY_MODEL, threads=threads)
+    results = []
+    for result in estimator.stream(camera, queue="newest"):
+        results.append(result)
+        assert camera.all_given.wait(60)
+    assert len(results) <= threads + 2  # those that were on their way, the one that waited, and the first
+    assert len(results) + sum(result.dropped for result in results) == 40
+    wanted = estimator.predict(*shifted_pair(*SIZE, 4 + 39 % 16))
+    np.testing.assert_array_equal(results[-1].disparity, wanted.disparity)
+    assert [result.frame for result in results] == list(range(1, len(results) + 1))
+    assert streaming_threads() == []
+
+
+def test_every_pair_is_computed_unless_the_newest_is_asked_for():
+    results = list(DepthEstimator(TINY_MODEL, threads=2).stream(Camera(12)))
+    assert [result.dropped for result in results] == [0] * 12
+
+
+def test_an_error_of_a_source_comes_after_its_newest_pair():
+    camera, seen = Camera(20, ConnectionError("the camera is gone")), []
+    with pytest.raises(ConnectionError):
+        for result in DepthEstimator(TINY_MODEL, threads=1).stream(camera, queue="newest"):
+            seen.append(result)
+            assert camera.all_given.wait(60)
+    assert len(seen) + sum(result.dropped for result in seen) == 20
+
+
+def test_a_stream_of_newest_pairs_can_be_left_while_its_camera_stalls():
+    camera = StalledCamera(3)
+    started = time.monotonic()
+    for _ in DepthEstimator(TINY_MODEL, threads=2).stream(camera, queue="newest"):
+        time.sleep(0.05)
+        break
+    assert time.monotonic() - started < 5
+    camera.wakes.set()
+    deadline = time.monotonic() + 5
+    while any(thread.name == "endosdk-source" for thread in threading.enumerate()) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not any(thread.name.startswith("endosdk-") for thread in threading.enumerate())
+
+
+@pytest.mark.parametrize("queue", ["all", "", None, 3, True])
+def test_another_queue_is_refused(queue):
+    with pytest.raises(errors.InvalidArgument, match="queue: must be one of every, newest; got"):
+        DepthEstimator(TINY_MODEL).stream(pairs(1), queue=queue)
+
+
 def test_a_function_may_return_what_cannot_be_compared_with_none():
     with pytest.raises(errors.InvalidArgument, match="source"):
         list(DepthEstimator(TINY_MODEL).stream(lambda: np.stack(pairs(1)[0])))

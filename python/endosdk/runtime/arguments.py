@@ -14,6 +14,7 @@ from endosdk.errors import InvalidArgument
 Picture = npt.NDArray[np.uint8]
 
 CHANNEL_ORDERS = ("rgb", "bgr")
+QUEUES = ("every", "newest")
 
 
 def check_order(order: Any) -> str:
@@ -21,6 +22,12 @@ def check_order(order: Any) -> str:
     if not isinstance(order, str) or order not in CHANNEL_ORDERS:
         raise InvalidArgument("channel_order", f"must be one of {', '.join(CHANNEL_ORDERS)}", repr(order))
     return order
+
+
+def check_queue(queue: Any) -> None:
+    """Refuse what is no word for the pairs of a source that are computed."""
+    if not isinstance(queue, str) or queue not in QUEUES:
+        raise InvalidArgument("queue", f"must be one of {', '.join(QUEUES)}", _shown(queue))
 
 
 def check_number(name: str, value: Any, rule: str) -> float:

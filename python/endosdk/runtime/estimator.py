@@ -20,12 +20,14 @@ from endosdk.runtime.arguments import (
     check_number,
     check_order,
     check_pair,
+    check_queue,
     check_range,
     check_size,
     check_stamp,
     check_switch,
     check_threads,
 )
+from endosdk.runtime.drawn import StereoFrame, drawn_from
 from endosdk.runtime.limits import EVERY_DEPTH, Limits
 from endosdk.runtime.maps import MapMemory, Maps
 from endosdk.runtime.models import ModelInfo, read_model
@@ -33,7 +35,7 @@ from endosdk.runtime.providers import checked_options, installed_provider
 from endosdk.runtime.result import DepthResult, Timings
 from endosdk.runtime.rig_error import rig_error
 from endosdk.runtime.session import StereoSession, load_runtime
-from endosdk.runtime.stream import Feeder, StereoFrame, drawn_from
+from endosdk.runtime.stream import Feeder
 
 # Lines about single frames are for hosts that set logging up; they must not fill a terminal unasked.
 logging.getLogger("endosdk.frames").addHandler(logging.NullHandler())
@@ -228,6 +230,7 @@ class DepthEstimator:
         self,
         source: Iterable[tuple[Any, ...] | StereoFrame] | Callable[[], tuple[Any, ...] | None],
         *,
+        queue: str = "every",
         reuse: bool = False,
         temporal: bool = False,
         follow_rig: bool = False,
@@ -242,6 +245,9 @@ class DepthEstimator:
             source: yields pairs as `predict` takes them, or is a function that returns one, and None at the end. A
                 frame may be overwritten once the next one is asked for. A third item is the pair's ``stamp_ns``. A
                 source of `open_source` is taken as it is; each result then has its frame as ``source_frame``.
+            queue: ``every`` pair is computed; with ``newest``, ``source`` is read as fast as it yields, and the pairs
+                that were not taken in time are dropped: ``dropped`` of the result says how many before this one. For a
+                source that does not wait, such as a camera.
             reuse: write all results into a fixed ring of maps; each result is then good until the next one is drawn.
             temporal: filter against flicker. It moves the disparity of the frame before with the surfaces, and blends
                 it with the new one where both images agree; see ``docs/live.md``.
@@ -257,20 +263,21 @@ class DepthEstimator:
         Raises:
             InvalidArgument: ``source`` is neither, or its frames are no pairs of one size.
         """
+        check_queue(queue)
         for name, value in (("reuse", reuse), ("temporal", temporal), ("follow_rig", follow_rig)):
             check_switch(name, value)
         if follow_rig and self._geometry is None:
             raise CalibrationRequired("follow_rig", _core.calibration_rule, "no calibration")
         if callable(source):
-            return self._stream(drawn_from(source), reuse, temporal, follow_rig)
+            return self._stream(drawn_from(source), queue, reuse, temporal, follow_rig)
         if not isinstance(source, Iterable):
             raise InvalidArgument(
                 "source", "must yield pairs, or be a function that returns them", type(source).__name__
             )
-        return self._stream(iter(source), reuse, temporal, follow_rig)
+        return self._stream(iter(source), queue, reuse, temporal, follow_rig)
 
     def _stream(
-        self, pairs: Iterator[tuple[Any, ...] | StereoFrame], reuse: bool, temporal: bool, follow_rig: bool
+        self, pairs: Iterator[tuple[Any, ...] | StereoFrame], queue: str, reuse: bool, temporal: bool, follow_rig: bool
     ) -> Iterator[DepthResult]:
         ring: list[Maps] = []  # one more than frames in flight: the consumer holds a result too
 
@@ -287,8 +294,9 @@ class DepthEstimator:
                 stream.follow_rig()
             return stream
 
-        for report, maps, frame in Feeder(pairs, opened, maps_for, self._channel_order).answers():
-            yield self._result(report, maps, frame)
+        feeder = Feeder(pairs, opened, maps_for, self._channel_order, newest=queue == "newest")
+        for report, maps, frame, dropped in feeder.answers():
+            yield self._result(report, maps, frame, dropped)
 
     @typed_memory_errors()
     def rectify(self, left: Any, right: Any) -> tuple[Picture, Picture]:
@@ -341,7 +349,7 @@ class DepthEstimator:
         return maps
 
     @typed_memory_errors()
-    def _result(self, report: _core.FrameReport, maps: Maps, source_frame: Any = None) -> DepthResult:
+    def _result(self, report: _core.FrameReport, maps: Maps, source_frame: Any = None, dropped: int = 0) -> DepthResult:
         return DepthResult(
             maps=maps,
             status=report.status,
@@ -359,6 +367,7 @@ class DepthEstimator:
             stamp_ns=report.stamp_ns or None,
             age_ms=_number_or_none(report.age_ms),
             source_frame=source_frame,
+            dropped=dropped,
         )
 
 

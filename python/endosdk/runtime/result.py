@@ -63,6 +63,7 @@ class DepthResult:
     identity: Identity  # all that the result was computed with: versions, hashes, provider, processor
     stamp_ns: int | None = None  # when the pair was taken, as it was given
     age_ms: float | None = None  # age of the pair when this result was handed out; None without a stamp
+    dropped: int = 0  # in a stream with `queue="newest"`: pairs of the source that were dropped before this one
     source_frame: Any = None  # in a stream of `open_source`: the `Frame`, with number, time stamp, tag and both views
 
     def __repr__(self) -> str:

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 from endosdk.live.frames import Frame
 from endosdk.live.sources.source import Clock, Source
+from endosdk.runtime.latest import Latest
+from endosdk.runtime.newest_pairs import THREAD_NAME
 from endosdk.runtime.threads import start_thread
 
 CLOSING_PATIENCE_S = 1.0
@@ -37,17 +39,17 @@ class Newest(Source):
         return self._source.fault_count
 
     def _read(self, start: int) -> Iterator[Frame]:
-        latest = _Latest()
-        thread = threading.Thread(target=self._fetch, args=(start, latest), name="endosdk-source", daemon=True)
+        latest: Latest[Frame] = Latest()
+        thread = threading.Thread(target=self._fetch, args=(start, latest), name=THREAD_NAME, daemon=True)
         start_thread(thread)
         try:
-            while (frame := latest.take()) is not None:
-                yield frame
+            while (taken := latest.take()) is not None:
+                yield taken[0]  # the numbers of frames tell what was dropped
         finally:
-            latest.unread.set()
+            latest.leave()
             thread.join(CLOSING_PATIENCE_S)  # a camera that has stalled is left behind
 
-    def _fetch(self, start: int, latest: _Latest) -> None:
+    def _fetch(self, start: int, latest: Latest[Frame]) -> None:
         over: BaseException | bool = True
         begun: int | None = None
         try:
@@ -55,8 +57,8 @@ class Newest(Source):
                 if not self.live:  # a file does not wait by itself: it plays at the speed that its stamps state
                     now = time.monotonic_ns()
                     begun = now - frame.stamp_ns if begun is None else begun
-                    latest.unread.wait(max(0, begun + frame.stamp_ns - now) / 1e9)
-                if latest.unread.is_set():
+                    latest.left.wait(max(0, begun + frame.stamp_ns - now) / 1e9)
+                if latest.left.is_set():
                     return
                 latest.put(frame)
         except BaseException as error:  # raised where the frames are drawn
@@ -67,32 +69,3 @@ class Newest(Source):
     def close(self) -> None:
         """Close the source that is read."""
         self._source.close()
-
-
-class _Latest:
-    """What one reader and its thread share: a thread that was left behind must not reach the next reader."""
-
-    def __init__(self) -> None:
-        self.unread = threading.Event()  # the reader has gone
-        self._change = threading.Condition()
-        self._held: Frame | None = None
-        self._over: BaseException | bool = False  # True at the end, or the error that ended the source
-
-    def put(self, frame: Frame) -> None:
-        with self._change:
-            self._held = frame
-            self._change.notify()
-
-    def end(self, over: BaseException | bool) -> None:
-        with self._change:
-            self._over = over
-            self._change.notify()
-
-    def take(self) -> Frame | None:
-        """Wait for a frame, or return None at the end. Raises what ended the source."""
-        with self._change:
-            self._change.wait_for(lambda: self._held is not None or self._over)
-            frame, self._held = self._held, None
-            if frame is None and isinstance(self._over, BaseException):
-                raise self._over
-            return frame
