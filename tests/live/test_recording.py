@@ -40,6 +40,7 @@ from endosdk.live.recording.record import check_out, record
 from endosdk.live.recording.recorder import Recorder
 from endosdk.live.recording.recording import Recording
 from endosdk.live.recording.video_files import VideoWriter
+from endosdk.live.silence import told_of_silence
 from endosdk.live.sources.bag import picture_of
 from endosdk.live.sources.source import Source, SourceOptions
 from endosdk.live.sources.video_input import Piped
@@ -512,12 +513,45 @@ def test_a_silent_pipe_can_be_ended_by_a_signal(tmp_path, number):
             assert command.wait(timeout=60) == 0, command.stderr.read().decode()
         finally:
             command.kill()
-        assert command.stderr.read() == b""
+        assert all(b": no frame for" in line for line in command.stderr.read().splitlines())
         frames = list(endosdk.open_source(out))
         assert f"frames     {COUNT}: " in command.stdout.read().decode()
     assert [frame.number for frame in frames] == list(range(COUNT))
     assert np.array_equal(frames[0].left, PAIRS[0][0])
     assert (out / "preview.mp4").is_file()
+
+
+def test_a_pipe_that_falls_silent_is_told_of_while_it_is(tmp_path):
+    """`endosdk run` waits for it, and what was recorded is whole once it goes on."""
+    words = ["run", "-", "--raw", "rgb24:192x64", "--model", str(TINY_MODEL), "--out", str(tmp_path / "r")]
+    with running(words) as command:
+        try:
+            command.stdin.write(np.hstack(PAIRS[0]).tobytes())
+            command.stdin.flush()
+            assert command.stderr.readline() == b"standard input: no frame for 2 s\n"
+            command.stdin.write(np.hstack(PAIRS[1]).tobytes())
+            command.stdin.close()
+            assert command.wait(timeout=60) == 0
+            assert b"frames     2: " in command.stdout.read()
+        finally:
+            command.kill()
+
+
+@pytest.mark.parametrize(("once", "told"), [(True, ["no frame for 0 s", "no frame for 1 s"]), (False, [])])
+def test_a_file_that_is_slow_is_not_silent(monkeypatch, once, told):
+    class Slow(Source):
+        def _read(self, start):
+            yield Frame(*PAIRS[0], 0, 0)
+            deadline = time.monotonic() + (60 if once else 1.2)
+            while len(self.faults) < 2 and time.monotonic() < deadline:
+                time.sleep(0.01)
+            yield Frame(*PAIRS[1], 1, 1)
+
+    monkeypatch.setattr("endosdk.live.silence.FIRST_S", 0.4)
+    source = Slow("slow")
+    source.once = once
+    assert [frame.number for frame in told_of_silence(source, source.frames())] == [0, 1]
+    assert source.faults == told
 
 
 @pytest.mark.parametrize("raw", [(), ("--raw", "rgb24:192x64")])

@@ -18,6 +18,7 @@ from endosdk.live.recording.recorder import Recorder, lines_in
 from endosdk.live.recording.recording import TRACKS, Recording, files_of
 from endosdk.live.recording.texts import LINES, RECORD, lines_of
 from endosdk.live.recording.video_files import mux
+from endosdk.live.silence import told_of_silence
 from endosdk.live.sources.source import Source
 from endosdk.runtime.estimator import DepthEstimator
 
@@ -101,7 +102,8 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
     expected = [each - recorder.frames for each in (source.count, most) if each is not None]
     with progress(total=min(expected, default=None), unit="frame") as bar:
         start, after = recorder.next_number, recorder.last_stamp_ns
-        frames = _Drawn(source.frames(start, after_ns=after) if left is None or left > 0 else iter(()))
+        drawn = source.frames(start, after_ns=after) if left is None or left > 0 else iter(())
+        frames = _Drawn(told_of_silence(source, drawn))
         try:
             for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
                 recorder.add(frame, result)
