@@ -35,6 +35,15 @@ from endosdk.runtime.providers import checked_options, installed_provider
 from endosdk.runtime.result import DepthResult, Timings
 from endosdk.runtime.rig_error import rig_error
 from endosdk.runtime.session import StereoSession, load_runtime
+from endosdk.runtime.started_threads import (
+    FOLLOW,
+    KERNELS,
+    STREAM,
+    ThreadHook,
+    check_hook,
+    show_this_thread,
+    shown,
+)
 from endosdk.runtime.stream import Feeder
 
 # Lines about single frames are for hosts that set logging up; they must not fill a terminal unasked.
@@ -73,6 +82,9 @@ class DepthEstimator:
             ``diagnostics()["onnxruntime_sha256"]`` states it; None: any.
         spinning: let waiting threads of the network poll before they sleep. Faster on cores that nothing else uses,
             slower on others.
+        thread_started: called with the number and the name of each thread that starts for this estimator: when it is
+            opened, in `prepare`, and when a stream begins. ``os.sched_setscheduler`` and ``os.sched_setaffinity`` take
+            the number. Linux only; see ``docs/device/real-time.md``.
 
     `predict` answers one pair with the least delay, `stream` a sequence of them at the highest rate. Both may be called
     from any thread; calls of `predict` on one estimator run one after the other, in the order in which they came. An
@@ -98,6 +110,7 @@ class DepthEstimator:
         max_age_ms: float = 0.0,
         runtime_sha256: str | None = None,
         spinning: bool = False,
+        thread_started: ThreadHook | None = None,
     ) -> None:
         if calibration is not None:
             check_calibration(calibration)
@@ -114,6 +127,7 @@ class DepthEstimator:
         )
         if calibration is None and limits.depth_range_mm != EVERY_DEPTH:
             raise CalibrationRequired("depth_range_mm", _core.calibration_rule, "no calibration")
+        self._thread_started = check_hook(thread_started)
         options = checked_options(provider, provider_options)
         # Before the model is read: which file that is, and what the log says of it, depends on the provider.
         provider = installed_provider(provider, load_runtime(runtime_sha256))
@@ -125,6 +139,7 @@ class DepthEstimator:
             threads=settings.threads,
             spinning=check_switch("spinning", spinning),
             runtime_sha256=runtime_sha256,
+            thread_started=self._thread_started,
         )
         self._info = session.info
         self._limits = limits
@@ -202,7 +217,8 @@ class DepthEstimator:
     @typed_memory_errors()
     def prepare(self, width: int, height: int) -> None:
         """Reserve what frames of this size need and run once, so that the first real frame is as fast as the others."""
-        self._path.prepare(*check_frame_size(width, height))
+        with shown(self._thread_started, KERNELS):
+            self._path.prepare(*check_frame_size(width, height))
 
     @typed_memory_errors()
     def predict(
@@ -289,9 +305,11 @@ class DepthEstimator:
             return ring[number % len(ring)]
 
         def opened(width: int, height: int) -> _core.Stream:
-            stream = self._path.stream(width, height, temporal)
-            if follow_rig:
-                stream.follow_rig()
+            show_this_thread(self._thread_started, STREAM)
+            with shown(self._thread_started, STREAM, FOLLOW, KERNELS):
+                stream = self._path.stream(width, height, temporal)
+                if follow_rig:
+                    stream.follow_rig()
             return stream
 
         feeder = Feeder(pairs, opened, maps_for, self._channel_order, newest=queue == "newest")

@@ -30,6 +30,7 @@ from endosdk.io.extras import must_install
 from endosdk.runtime import runtime_file, telemetry
 from endosdk.runtime.models import ModelFile, ModelInfo, parse_metadata
 from endosdk.runtime.providers import checked_options, installed_provider
+from endosdk.runtime.started_threads import ThreadHook, session_threads
 
 Picture = npt.NDArray[np.uint8]
 Map = npt.NDArray[np.float32]
@@ -106,8 +107,10 @@ class StereoSession:
         threads: int = 0,
         spinning: bool = False,
         runtime_sha256: str | None = None,
+        thread_started: ThreadHook | None = None,
     ) -> None:
         self._runtime = load_runtime(runtime_sha256)
+        self._thread_started = thread_started
         self._model, self._threads, self._spinning = model, threads or _core.default_threads(), spinning
         self.runtime_version: str = self._runtime.__version__
         file = runtime_file.runtime_file()
@@ -179,10 +182,11 @@ class StereoSession:
         _core.reserve_threads(self._threads)
         _core.require_memory_for_session(self._threads, len(self._model.data))
         providers = [(provider, provider_options)]
-        try:
-            return self._runtime.InferenceSession(self._model.data, options, providers=providers, enable_fallback=0)
-        except Exception as error:  # the runtime has its own exception types, one per status code, with no common base
-            raise _kind_of(error, failure)(argument, rule, error) from error
+        with session_threads(self._thread_started):
+            try:
+                return self._runtime.InferenceSession(self._model.data, options, providers=providers, enable_fallback=0)
+            except Exception as error:  # the runtime has a type for each status code, and they have no common base
+                raise _kind_of(error, failure)(argument, rule, error) from error
 
     def placement(self) -> dict[str, dict[str, int]]:
         """Return how many operations of each kind run on each provider; of a session for one size."""
