@@ -1,9 +1,11 @@
 """Write what a device's file says of its software: two SBOMs, the SOUP sheet and the notices of third parties.
 
-python scripts/device_papers.py
+python scripts/device_papers.py            # write them
+python scripts/device_papers.py --check    # fail where one is not what would be written
 
-They are made of docs/device/components.toml, the versions of constraints-release.txt, models/models.toml and what each
-model says of itself. CycloneDX and SPDX are written and checked by these projects' own libraries.
+They are made of docs/device/components.toml, the versions of constraints-release.txt and constraints-build.txt,
+models/models.toml and what each model says of itself. CycloneDX and SPDX are written and checked by these projects' own
+libraries. constraints-papers.txt has what this needs.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import importlib.metadata
 import io
 import json
 import re
+import sys
 import tomllib
 import uuid
 from datetime import UTC, datetime
@@ -51,6 +54,7 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "device"
 CYCLONEDX, SPDX, SOUP = FOLDER / "endosdk.cdx.json", FOLDER / "endosdk.spdx.json", FOLDER / "soup.md"
 NOTICES = ROOT / "THIRD_PARTY_NOTICES.md"
+LOCKED = (ROOT / "constraints-release.txt", ROOT / "constraints-build.txt")
 SUPPLIER = "endosdk maintainers"
 # Of a component that is in one place alone.
 RELATIONS = {"build": RelationshipType.BUILD_DEPENDENCY_OF, "optional": RelationshipType.OPTIONAL_DEPENDENCY_OF}
@@ -71,9 +75,15 @@ def licence() -> str:
 
 def components() -> list[dict[str, Any]]:
     """Return the components, each with its version."""
-    locked = dict(re.findall(r"^([\w-]+)==([\w.]+)", (ROOT / "constraints-release.txt").read_text(), re.MULTILINE))
+    versions = locked_versions()
     listed = tomllib.loads((FOLDER / "components.toml").read_text())["component"]
-    return [{**entry, "version": entry.get("version") or locked[entry["name"]]} for entry in listed]
+    return [{**entry, "version": entry.get("version") or versions[entry["name"]]} for entry in listed]
+
+
+def locked_versions() -> dict[str, str]:
+    """Return the version of every package that is locked for a release, or for building it."""
+    text = "\n".join(file.read_text() for file in LOCKED)
+    return dict(re.findall(r"^([\w-]+)==([\w.]+)", text, re.MULTILINE))
 
 
 def _purl(entry: dict[str, Any]) -> PackageURL:
@@ -248,11 +258,13 @@ def _licence_text(entry: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Write all four."""
-    CYCLONEDX.write_text(cyclonedx())
-    SPDX.write_text(spdx())
-    SOUP.write_text(soup())
-    NOTICES.write_text(notices())
+    """Write all four, or check them."""
+    papers = {CYCLONEDX: cyclonedx(), SPDX: spdx(), SOUP: soup(), NOTICES: notices()}
+    if sys.argv[1:] == ["--check"]:
+        stale = [str(file.relative_to(ROOT)) for file, text in papers.items() if file.read_text() != text]
+        sys.exit(f"not what scripts/device_papers.py writes: {', '.join(stale)}" if stale else None)
+    for file, text in papers.items():
+        file.write_text(text)
 
 
 if __name__ == "__main__":

@@ -81,6 +81,8 @@ with open(os.environ["CALLS"], "a") as calls:
 if given[:2] == ["-m", "venv"]:
     for program in ("pip", "python", "endosdk"):
         put(pathlib.Path(given[2], "bin", program))
+if given[:1] == ["clone"]:
+    pathlib.Path(given[-1]).mkdir(parents=True)
 if given[:1] == ["wheel"]:
     put(after("--wheel-dir") / "endosdk-2.0-cp311-cp311-linux_x86_64.whl")
 if name == "auditwheel":
@@ -102,16 +104,22 @@ def test_files_of_an_earlier_version_and_folders_with_blanks_do_no_harm(tmp_path
     for folder in (tools, script.parent, out / "raw", out / "packages"):
         folder.mkdir(parents=True)
     shutil.copy(ROOT / "scripts" / "release_files.sh", script)
-    for name in ("python3", "python", "pip", "auditwheel", "cmake", "cpack", "dpkg-deb"):
+    for name in ("python3", "python", "pip", "auditwheel", "cmake", "cpack", "dpkg-deb", "git", "tar"):
         (tools / name).write_text(PROGRAM.format(python=sys.executable))
         (tools / name).chmod(0o755)
     earlier = ["raw/endosdk-1.0-cp311-cp311-linux_x86_64.whl", "endosdk-1.0-cp311-cp311-manylinux_2_28_x86_64.whl"]
     for file in (*earlier, "packages/endosdk_1.0_amd64.deb", "packages/endosdk-1.0-Linux-x86_64.tar.gz"):
         (out / file).touch()
-    environment = {"PATH": os.environ["PATH"], "CALLS": str(calls)}
+    environment = {"PATH": f"{tools}{os.pathsep}{os.environ['PATH']}", "CALLS": str(calls)}
     subprocess.run(["bash", str(script)], env=environment, check=True, capture_output=True)
     lines = [line.split("\0") for line in calls.read_text().splitlines()]
     assert not [line for line in lines if any("1.0" in word for word in line)]
+    locked = [line for line in lines if line[0] == "pip" and any(word.startswith("constraints-") for word in line)]
+    assert len(locked) == 2 and all("--require-hashes" in line for line in locked)
+    assert [line[-2:] for line in lines if "scripts/device_papers.py" in line] == [
+        ["scripts/device_papers.py", "--check"]
+    ]
+    assert [line[1] for line in lines if line[:2] == ["pip", "wheel"]] == ["wheel"] * 2, "built twice"
     (sizes,) = (line for line in lines if "benchmarks.speed.release_files" in line)
     files = [Path(word).name for word in sizes if word.endswith((".whl", ".deb", ".gz"))]
     assert files == [

@@ -26,16 +26,46 @@ def test_every_dependency_is_a_component_of_a_locked_version():
 
 
 def test_no_locked_version_lacks_a_component():
-    locked = re.findall(r"^([\w-]+)==", (ROOT / "constraints-release.txt").read_text(), re.MULTILINE)
     packages = [entry for entry in papers.components() if "purl" not in entry]
-    assert sorted(locked) == sorted(entry["name"] for entry in packages)
+    assert sorted(papers.locked_versions()) == sorted(entry["name"] for entry in packages)
+
+
+@pytest.mark.parametrize("name", ["release", "build", "papers"])
+def test_every_locked_package_has_its_hashes(name):
+    text = (ROOT / f"constraints-{name}.txt").read_text().replace("\\\n", " ")
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    assert lines and all(re.match(r"[\w.-]+==\S+ .*--hash=sha256:[0-9a-f]{64}", line) for line in lines)
+
+
+def test_what_is_locked_twice_is_locked_to_one_version():
+    found: dict[str, set[str]] = {}
+    for name in ("release", "build", "papers"):
+        for package, version in re.findall(
+            r"^([\w.-]+)==([\w.]+)", (ROOT / f"constraints-{name}.txt").read_text(), re.MULTILINE
+        ):
+            found.setdefault(package, set()).add(version)
+    assert {package: versions for package, versions in found.items() if len(versions) > 1} == {}
 
 
 def test_what_a_release_tool_links_in_is_listed_with_the_tool_that_is_used():
-    used = (ROOT / "scripts" / "release_files.sh").read_text()
+    used = (ROOT / "constraints-build.txt").read_text()
     brought = {entry["name"]: entry["comes_with"] for entry in papers.components() if "comes_with" in entry}
     assert "llvm-runtimes" in brought
-    assert all(f" {pin} " in used for pin in brought.values())
+    assert all(f"\n{pin} " in used for pin in brought.values())
+
+
+def test_the_check_finds_a_paper_that_is_not_the_one_that_is_written(monkeypatch, tmp_path):
+    monkeypatch.setattr(papers.sys, "argv", ["device_papers.py", "--check"])
+    with pytest.raises(SystemExit) as done:
+        papers.main()
+    assert done.value.code is None
+    changed = ROOT / "build" / "soup-of-a-test.md"
+    changed.parent.mkdir(exist_ok=True)
+    changed.write_text(papers.SOUP.read_text().replace("MIT", "GPL", 1))
+    monkeypatch.setattr(papers, "SOUP", changed)
+    with pytest.raises(SystemExit, match=r"not what scripts/device_papers.py writes: build/soup-of-a-test.md"):
+        papers.main()
+    changed.unlink()
 
 
 def test_no_part_lacks_a_supplier_and_a_licence():
