@@ -50,6 +50,18 @@ def edges_table(record: str) -> str:
     return table([*heads, "over 3 px, occluded"], rows)
 
 
+def looks_table() -> str:
+    """Error of our models on the same pairs with one change of their looks, and by how much it grows."""
+    found = records.read("accuracy/looks")
+    first, *others = next(iter(found["looks"].values()))
+    rows = []
+    for name in (name for name in records.METHODS if name in found["looks"]):
+        errors = {look: scores["epe_px"] for look, scores in found["looks"][name].items()}
+        cells = [f"{errors[look]:.3f} ({100 * (errors[look] / errors[first] - 1):+.0f} %)" for look in others]
+        rows.append([records.method(found, name), f"{errors[first]:.3f}", *cells])
+    return table(["method", f"{first}: EPE, px", *others], rows)
+
+
 def parts_table(record: str) -> str:
     """Share of wrong pixels among all, among those in a method's range, and among those that it calls valid."""
     found = records.read(record)

@@ -89,6 +89,18 @@ def test_errors_near_edges_and_where_one_camera_sees(given):
     ]
 
 
+def test_errors_with_other_looks(given):
+    looks = {"accurate": {"plain": {"epe_px": 0.5}, "grey": {"epe_px": 0.4}, "rows": {"epe_px": 0.75}}}
+    looks["fast"] = {"plain": {"epe_px": 1.0}, "grey": {"epe_px": 1.234}, "rows": {"epe_px": 2.0}}
+    given({"accuracy/looks": {"looks": looks, "models": {"fast": "abc", "accurate": "abc"}}})
+    assert columns(errors.looks_table()) == [
+        ("method", "**fast** (8-bit)", "accurate (8-bit)"),
+        ("plain: EPE, px", "1.000", "0.500"),
+        ("grey", "1.234 (+23 %)", "0.400 (-20 %)"),
+        ("rows", "2.000 (+100 %)", "0.750 (+50 %)"),
+    ]
+
+
 def test_errors_by_what_a_method_answers_for(given):
     given({"any": {"methods": {"wang2020": scores(1), "sgbm": scores(2)}, "models": {}}})
     assert columns(errors.parts_table("any")) == [
