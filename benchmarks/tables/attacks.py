@@ -21,14 +21,15 @@ ATTACKS = {  # files of tests that feed each interface what is bad
 def spoilt_files_table() -> str:
     """Every reader of strangers' files: spoilt ones tried, how many were read, refused by which code, anything else."""
     rows = []
-    for name, reader in records.read("studies/spoilt_files")["readers"].items():
+    record = records.read("studies/spoilt_files")
+    for name, reader in record["readers"].items():
         outcomes = dict(reader["outcomes"])
         read = outcomes.pop("read", 0)
         untyped = sum(outcomes.pop(kind) for kind in list(outcomes) if kind.startswith("untyped"))
         refused = ", ".join(f"{count} {code}" for code, count in outcomes.items())
         rows.append([name, str(reader["tried"]), str(read), refused, str(untyped), f"{reader['slowest_s']:.2f}"])
     heads = ["file", "tried", "still valid, read", "rejected with a typed error", "anything else", "slowest, s"]
-    return table(heads, rows)
+    return table(heads, rows) + _made_at(record["machine"])
 
 
 def fuzzed_table() -> str:
@@ -39,12 +40,18 @@ def fuzzed_table() -> str:
         "rig_file": "rig file",
         "frame": "pair of frames, with strides and formats",
     }
-    found = records.read("speed/c_library")["fuzz"]["result"]
+    record = records.read("speed/c_library")["fuzz"]
     rows = [
         [labels[name], f"{one['inputs']:,}", f"{one['edges_reached']:,}", str(one["failures"])]
-        for name, one in found.items()
+        for name, one in record["result"].items()
     ]
-    return table(["input", "tried", "branches reached", "crashes, hangs, reports"], rows)
+    return table(["input", "tried", "branches reached", "crashes, hangs, reports"], rows) + _made_at(record["machine"])
+
+
+def _made_at(machine: dict[str, str]) -> str:
+    """Say of which commit a count is: code that was changed since then may differ."""
+    commit, _, changed = machine["commit"].partition("+")
+    return f"\nRun on {machine['date'][:10]}, at commit `{commit}`{' with changes' if changed else ''}.\n"
 
 
 def attacks_table() -> str:

@@ -505,7 +505,8 @@ def test_files_that_were_spoilt(given):
     outcomes = {"BAD_FILE": 60, "read": 25, "untyped ValueError": 3, "TOO_LARGE": 10, "untyped KeyError": 2}
     rig = {"tried": 100, "outcomes": outcomes, "slowest_s": 0.456}
     picture = {"tried": 7, "outcomes": {"BAD_FILE": 7}, "slowest_s": 0.789}
-    given({"studies/spoilt_files": {"readers": {"rig": rig, "picture": picture}}})
+    machine = {"date": "2026-01-02T03:04:05Z", "commit": "abc"}
+    given({"studies/spoilt_files": {"readers": {"rig": rig, "picture": picture}, "machine": machine}})
     assert columns(attacks.spoilt_files_table()) == [
         ("file", "rig", "picture"),
         ("tried", "100", "7"),
@@ -514,6 +515,7 @@ def test_files_that_were_spoilt(given):
         ("anything else", "5", "0"),
         ("slowest, s", "0.46", "0.79"),
     ]
+    assert attacks.spoilt_files_table().endswith("\n\nRun on 2026-01-02, at commit `abc`.\n")
 
 
 def test_input_that_was_fuzzed(given):
@@ -522,13 +524,15 @@ def test_input_that_was_fuzzed(given):
         name: {"inputs": 1_000 * i, "edges_reached": 2_000 + i, "failures": i}
         for i, name in enumerate(targets, start=1)
     }
-    given({"speed/c_library": {"fuzz": {"result": result}}})
+    machine = {"date": "2026-01-02T03:04:05Z", "commit": "abc+changes"}
+    given({"speed/c_library": {"fuzz": {"result": result, "machine": machine}}})
     assert columns(attacks.fuzzed_table()) == [
         ("input", "pair of frames, with strides and formats", "rig file", "rig", "model file"),
         ("tried", "1,000", "2,000", "3,000", "4,000"),
         ("branches reached", "2,001", "2,002", "2,003", "2,004"),
         ("crashes, hangs, reports", "1", "2", "3", "4"),
     ]
+    assert attacks.fuzzed_table().endswith("\n\nRun on 2026-01-02, at commit `abc` with changes.\n")
 
 
 def test_files_of_tests_of_bad_input(tmp_path, monkeypatch):
