@@ -43,11 +43,12 @@ def edges_table(record: str) -> str:
     found = records.read(record)
     rows = []
     for label, scores in records.rows(found):
-        edges, hidden = scores["edges"], scores["occluded"]
-        shares = (edges["kpe_3"], edges["flying"], scores["non_occluded"]["kpe_3"], hidden["kpe_3"])
-        rows.append([label, f"{edges['epe_px']:.2f}", *map(percent, shares)])
-    heads = ["method", "EPE near edges, px", "over 3 px near edges", "flying pixels", "over 3 px, non-occluded"]
-    return table([*heads, "over 3 px, occluded"], rows)
+        edges, tools = scores["edges"], scores["instrument_edges"]
+        shares = (edges["kpe_3"], edges["flying"], tools["kpe_3"], scores["occluded"]["kpe_3"])
+        near, flying, near_tools, hidden = map(percent, shares)
+        rows.append([label, f"{edges['epe_px']:.2f}", near, flying, f"{tools['epe_px']:.2f}", near_tools, hidden])
+    heads = ["method", "EPE near edges, px", "over 3 px near edges", "flying pixels"]
+    return table([*heads, "EPE near instrument edges, px", "over 3 px near these", "over 3 px, occluded"], rows)
 
 
 def looks_table() -> str:
