@@ -75,7 +75,7 @@ def fault_naming_table() -> str:
     kinds = [kind for kind in PAIRS if kind in sets.values()]
 
     def of(counted: Mapping[str, int]) -> list[int]:
-        return [sum(count for name, count in counted.items() if sets.get(name) == kind) for kind in kinds]
+        return [sum(count for name, count in counted.items() if sets[name] == kind) for kind in kinds]
 
     plain = record["without_fault"] | record.get("further", {})
     whole = of({name: found["frames"] for name, found in plain.items()})
