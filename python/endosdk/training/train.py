@@ -388,7 +388,11 @@ class Run:
         """Add a row: the means over these steps."""
         if self.log is None:
             return
-        values = {name: torch.stack([report[name] for report in reports]).mean().item() for name in reports[0]}
+        values = {}
+        for name in reports[0]:
+            of_steps = torch.stack([report[name] for report in reports])
+            # A window without truth has no error: its step does not count.
+            values[name] = (of_steps.nanmean() if name.startswith("epe") else of_steps.mean()).item()
         bar.set_postfix({name: f"{value:.3g}" for name, value in values.items() if name != "rate"})
         self.log.add_step(self.step, self.seconds, values)
 
