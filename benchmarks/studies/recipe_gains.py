@@ -27,6 +27,7 @@ def variants(looks: tuple[str, ...], without_objects: tuple[str, ...], seed: int
         "without rows that differ": {"looks": tuple(look for look in looks if look != "rows")},
         "without cross-entropy of the volume": {"volume_weight": 0.0},
         "without scenes of mere objects": {"data": without_objects},
+        "with a full soft-argmin": {"mode_reach": None},
     }
 
 
@@ -34,14 +35,19 @@ def main() -> None:
     parser = study_parser(__doc__)
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--seed", type=int, default=31)
+    parser.add_argument("--only", nargs="*", default=[], metavar="RUN", help="runs of these names (default: all)")
     args = parser.parse_args()
     sets = judging_sets(args.held_out, args.pairs, args.middlebury)
     given: dict[str, Any] = {"init_from": args.start, "held_out": 0, "steps": args.steps, "threads": 1}
     given |= {"data": learning_sets(args), "rate": 4e-4, "seed": args.seed, "validate_every": args.steps}
     looks = checkpoint.inherited(args.start, given)["looks"]
+    changed = variants(looks, (args.gi, args.lap), args.seed)
+    if unknown := set(args.only) - set(changed):
+        parser.error(f"--only: no runs of these names: {', '.join(sorted(unknown))}")
     runs = {
         name: Variant(name.replace(",", "").replace(" ", "-"), changes)
-        for name, changes in variants(looks, (args.gi, args.lap), args.seed).items()
+        for name, changes in changed.items()
+        if name in (args.only or changed)
     }
     run_variants(args, sets, given, runs, f"python -m benchmarks.studies.recipe_gains {said_of(args)}")
 
