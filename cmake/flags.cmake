@@ -24,8 +24,8 @@ if(CMAKE_SYSTEM_NAME STREQUAL Linux)
 elseif(MINGW)
   # A program finds all it needs of the compiler inside itself.
   target_link_options(endosdk_flags INTERFACE -static -fstack-protector-strong LINKER:--dynamicbase,--nxcompat,--high-entropy-va)
-  # This compiler does not align the stack to more than 16 bytes, whatever registers its code spills there.
-  target_compile_options(endosdk_flags INTERFACE -Wa,-muse-unaligned-vector-move)
+  # GCC does not align the stack to more than 16 bytes, whatever registers its code spills there.
+  target_compile_options(endosdk_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wa,-muse-unaligned-vector-move>)
 endif()
 
 if(ENDOSDK_SANITIZE)

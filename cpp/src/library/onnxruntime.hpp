@@ -3,7 +3,9 @@
 
 #ifdef __MINGW32__
 #include <sal.h>
+#ifndef _stdcall  // clang defines it
 #define _stdcall __stdcall
+#endif
 #define _Frees_ptr_opt_
 #endif
 

@@ -1,7 +1,9 @@
 // Windows. Texts of the interface are UTF-8 here, too.
 #define WIN32_LEAN_AND_MEAN
 #define NOMINMAX
+#ifndef _WIN32_WINNT  // precompiled headers may have set it
 #define _WIN32_WINNT 0x0A00
+#endif
 #include <windows.h>
 
 #include <algorithm>
