@@ -13,6 +13,7 @@ import struct
 import subprocess
 import sys
 import termios
+import threading
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -550,8 +551,13 @@ def test_a_file_that_is_slow_is_not_silent(monkeypatch, once, told):
     monkeypatch.setattr("endosdk.live.silence.FIRST_S", 0.4)
     source = Slow("slow")
     source.once = once
-    assert [frame.number for frame in told_of_silence(source, source.frames())] == [0, 1]
+    with told_of_silence(source, source.frames()) as frames:
+        assert [frame.number for frame in frames] == [0, 1]
     assert source.faults == told
+    for thread in threading.enumerate():
+        if thread.name == "endosdk-silence":
+            thread.join(5)  # it looks ten times a second
+            assert not thread.is_alive()
 
 
 @pytest.mark.parametrize("raw", [(), ("--raw", "rgb24:192x64")])

@@ -100,10 +100,10 @@ def _fill(recorder: Recorder, source: Source, estimator: DepthEstimator, most: i
     left = None if most is None else most - recorder.frames
     # What a source says of its length is no limit: the header of a video may be wrong.
     expected = [each - recorder.frames for each in (source.count, most) if each is not None]
-    with progress(total=min(expected, default=None), unit="frame") as bar:
-        start, after = recorder.next_number, recorder.last_stamp_ns
-        drawn = source.frames(start, after_ns=after) if left is None or left > 0 else iter(())
-        frames = _Drawn(told_of_silence(source, drawn))
+    start, after = recorder.next_number, recorder.last_stamp_ns
+    drawn = source.frames(start, after_ns=after) if left is None or left > 0 else iter(())
+    with progress(total=min(expected, default=None), unit="frame") as bar, told_of_silence(source, drawn) as told:
+        frames = _Drawn(told)
         try:
             for frame, result in answers(estimator, frames, reuse=True, temporal=temporal):
                 recorder.add(frame, result)
