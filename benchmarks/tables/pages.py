@@ -9,6 +9,7 @@ from functools import partial
 from benchmarks.paper.page_tables import page_tables
 from benchmarks.tables.attacks import attacks_table, fuzzed_table, spoilt_files_table
 from benchmarks.tables.codes import error_codes_table
+from benchmarks.tables.dim_frame import dim_frame_table
 from benchmarks.tables.errors import (
     accuracy_table,
     edges_table,
@@ -85,6 +86,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "arm-instructions": arm_instructions_table,
     "attacks": attacks_table,
     "causes": causes_table,
+    "dim-frame": dim_frame_table,
     "error-codes": error_codes_table,
     "fault-naming": fault_naming_table,
     "min-confidence": min_confidence_table,
