@@ -12,7 +12,9 @@
 ``all`` does the others one after the other: called again, it takes the runs further and writes the tables anew.
 Runs lie under --runs, by budget, and go on where they stopped. Scores are kept beside them; records go to --results,
 figures to --docs. ``report`` writes the tables of report.md there.
-The methods on another set: evaluate --test-data DIR --table table1_NAME.
+The methods on another set: evaluate --test-data DIR --table table1_NAME. Runs of another rendering of the set:
+evaluate --data DIR --table table1_NAME; their ablations go to ablations_NAME. PatchMatch, which takes hours, is
+scored and timed only when it is named: --only patchmatch.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paper.experiments import BUDGETS, LABELS, SEEDS, Experiment, unique_runs
+from benchmarks.paper.experiments import BUDGETS, LABELS, SEEDS, Experiment, ablations_of, unique_runs
 
 OVERRIDES = ("steps", "epochs", "batch", "train_pairs", "max_disparity", "device", "workers", "precision")
 SEARCH_PAIRS = 20
@@ -168,12 +170,15 @@ def _evaluate(args: argparse.Namespace) -> None:
     learned = tables.Scores(args.runs / "scores.json", train, scores.pairs) if train else None
     first = scores.on_first(BUDGETS[budget].ablation_pairs)
     size = reader[0].left.shape[1::-1]
-    table, ablations = args.results / f"paper/{args.table}.json", args.results / "paper/ablations.json"
+    table, ablations = (
+        args.results / f"paper/{args.table}.json",
+        args.results / f"paper/{ablations_of(args.table)}.json",
+    )
     states = [state_of(run, args.runs, budget, _overrides(args)) for run in _chosen(args)]
     done = {state.name: state for state in states if state is not None}
     rowed = LABELS.keys() | SEEDS.keys()
-    # The ablations are scored on the set of table1 alone.
-    ablated = done.keys() - rowed if args.table == "table1" else set()
+    # The ablations are scored on the test pairs of the set that they learned from.
+    ablated = set() if args.test_data else done.keys() - rowed
     if wanted & rowed:
         tables.check_same_pairs(table, scores)
     if ablated:
@@ -182,13 +187,14 @@ def _evaluate(args: argparse.Namespace) -> None:
     if wanted & {"sgbm", "sgbm-hh", "bm"}:
         rows.update(tables.classical_rows(scores, _best_sgbm(args.results)))
     if wanted & {"shipped-wang2020", "shipped-fast"}:
-        rows.update(tables.shipped_rows(scores, size, wanted))
+        rows.update(tables.shipped_rows(scores, size, wanted, learned))
     if args.only and "patchmatch" in args.only:  # hours: only when it is named
         rows.update(tables.patchmatch_rows(scores, args.runs))
     if rows:
         tables.write_table(table, scores, rows)
     if ablated:
-        found = {name: tables.trained_row(first, done[name], size, None) for name in ablated}
+        fewer = learned.on_first(first.pairs) if learned else None
+        found = {name: tables.trained_row(first, done[name], size, fewer) for name in ablated}
         tables.write_ablations(ablations, first, found)
 
 

@@ -100,6 +100,11 @@ class Experiment:
         return found
 
     @property
+    def pairs(self) -> int:
+        """How many pairs it learns from."""
+        return int(self.changes.get("train_pairs", PROTOCOLS[self.protocol]["train_pairs"]))
+
+    @property
     def setting(self) -> tuple[Any, ...]:
         """What runs that differ in their seed alone have in common."""
         plain = {name: value for name, value in self.changes.items() if name != "seed"}
@@ -190,13 +195,14 @@ class Claim:
     relation: str  # a key of `verdicts.RELATIONS`
     others: tuple[str, ...]
     measure: str = "epe"  # a key of `MEASURES`
+    of_paper: bool = True  # False: a question of ours
 
 
 # What a claim may be about: the key of a row, and how it is said.
 MEASURES = {
     "epe": "test EPE over all truth, px",
-    "epe_in_range": "test EPE over truth that the range holds, px",
-    "last_loss": "training loss in the last epoch",
+    "epe_common": "test EPE over truth that all ranges hold, px",
+    "last_loss": "training loss, mean of the last epoch",
 }
 
 
@@ -225,7 +231,15 @@ GROUPS = {
     "loss": Group(
         "Loss",
         "Fig. 5",
-        (Claim("the scale-invariant loss ends at a smaller error than L2", "lambda 0.5", "below", ("L2",)),),
+        (
+            Claim(
+                "the scale-invariant loss ends at a smaller error than L2",
+                "lambda 0.5",
+                "below",
+                ("L2",),
+                of_paper=False,
+            ),
+        ),
     ),
     "pairs": Group(
         "Number of training pairs",
@@ -242,7 +256,7 @@ GROUPS = {
         "Fig. 9, 10",
         (
             *_range_claims("epe"),
-            *_range_claims("epe_in_range"),
+            *_range_claims("epe_common"),
             Claim("192 px has a slightly larger loss", "192 px", "above", ("72 px",), "last_loss"),
         ),
     ),
@@ -271,7 +285,6 @@ LABELS = {
     "shipped-wang2020": "wang2020 as shipped",
     "shipped-fast": "fast as shipped",
     "anynet-published": "AnyNet as published",
-    "anynet": "AnyNet, gates and upsampling of ours, short training",
     "psmnet": "PSMNet",
     "patchmatch": "PatchMatch stereo",
     "sgbm": "StereoSGBM",
@@ -300,6 +313,11 @@ def unique_runs() -> list[Experiment]:
 def rows_by_name(groups: dict[str, dict[str, dict[str, Any] | None]]) -> dict[str, dict[str, Any]]:
     """Return the rows of the ablations' groups by the names of their runs."""
     return {run.name: row for run in EXPERIMENTS if (row := groups.get(run.group, {}).get(run.label))}
+
+
+def ablations_of(table: str) -> str:
+    """Return the name of the record of ablations beside a table: ``table1_NAME`` has ``ablations_NAME``."""
+    return "ablations" + table.removeprefix("table1")
 
 
 def size(sides: Sequence[int]) -> str:

@@ -15,7 +15,8 @@ from PIL import Image
 
 from benchmarks.methods.kept_patchmatch import kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper.experiments import GROUPS, LABELS
+from benchmarks.paper.experiments import EXPERIMENTS, GROUPS, LABELS
+from benchmarks.paper.paper_records import PaperRecords
 from endosdk.datasets.dataset import DatasetReader, Sample
 from endosdk.datasets.layouts import open_dataset
 from endosdk.evaluation.sgbm import fill_holes
@@ -23,7 +24,7 @@ from endosdk.runtime.overview import colour_map, robust_range
 
 # What is drawn of a run's epochs: the key in its curve, and how the axis is called.
 CURVES = {
-    "loss": "training loss, mean of the epoch",
+    "loss": "training loss",
     "test_epe": "mean error on test pairs, px",
     "test_epe_in_range": "mean error on test pairs, truth in range, px",
 }
@@ -36,9 +37,9 @@ def draw_all(args: argparse.Namespace) -> list[Path]:
     args.docs.mkdir(parents=True, exist_ok=True)
     reader = open_dataset(args.test_data or args.data, "test", layout=args.layout)
     written = [draw_histogram(reader, args.docs / "histogram.png", args.pairs)]
-    ablations = args.results / "paper/ablations.json"
-    groups = json.loads(ablations.read_text())["groups"] if ablations.exists() else {}
-    for group, rows in groups.items():
+    records = PaperRecords(args.results)
+    for group in GROUPS.keys() - {"table1"}:
+        rows = {run.label: records.ablated.get(run.name) for run in EXPERIMENTS if run.group == group}
         known = {label: row for label, row in rows.items() if row and row["curve"]}
         if len(known) > 1:  # one run alone compares nothing
             for measure in CURVES:

@@ -20,9 +20,9 @@ def check_same_set(file: str, record: dict[str, Any], reader: DatasetReader) -> 
 def check_one_kind(file: str, rows: dict[str, dict[str, Any]]) -> None:
     """Raise InvalidArgument, naming the run, when rows of one table are of different kinds.
 
-    All trained rows have one precision and one training set (runs that learn from the test pairs have one of their
-    own); rows of one protocol agree in every setting of it that their experiment does not change. What an older record
-    does not say is not compared.
+    All trained rows have one precision, one budget and one training set (runs that learn from the test pairs have one
+    of their own); rows of one protocol agree in every setting of it that their experiment does not change. What an
+    older record does not say is not compared.
     """
     runs = {run.name: run for run in EXPERIMENTS}
     seen: dict[tuple[Any, ...], tuple[str, Any]] = {}
@@ -42,6 +42,7 @@ def check_one_kind(file: str, rows: dict[str, dict[str, Any]]) -> None:
         if protocol is not None and protocol != run.protocol:
             raise InvalidArgument("record", f"{name} must have the protocol {run.protocol} in {file}", protocol)
         compare("precision", name, row.get("precision"))
+        compare("budget", name, row.get("budget"))
         compare("training set", name, row.get("train_data", {}).get("sha256"), run.with_test)
         for key in PROTOCOLS[run.protocol].keys() - run.changes.keys() - {"seed"}:
             compare(key, name, row.get("settings", {}).get(key), run.protocol)

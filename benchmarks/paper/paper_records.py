@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paper.experiments import LABELS, SEEDS, crops, rows_by_name, size
+from benchmarks.paper.experiments import LABELS, PAPER_PROTOCOL, SEEDS, crops, rows_by_name, size
 from benchmarks.paper.one_kind import check_one_kind
 from benchmarks.paper.verdicts import Bound, Rows, repeat_bound
 from benchmarks.tables.records import marked
@@ -33,15 +33,21 @@ class PaperRecords:
     @cached_property
     def tables(self) -> dict[str, dict[str, Any]]:
         """Every table of methods, by the name of its pairs; the first is Table 1."""
-        others = [json.loads(file.read_text()) for file in sorted(self.results.glob("paper/table1_*.json"))]
-        return {self._pairs_of(table): table for table in (self.table, *others) if table}
+        others = [file.stem for file in sorted(self.results.glob("paper/table1_*.json"))]
+        found = [self.table, *(self._of_one_kind(name) for name in others)]
+        return {self._pairs_of(table): table for table in found if table}
+
+    def _of_one_kind(self, name: str) -> dict[str, Any]:
+        table = self.read(f"paper/{name}")
+        check_one_kind(f"{name}.json", table["methods"])
+        return table
 
     def _pairs_of(self, table: dict[str, Any]) -> str:
         """Name the pairs of a table, as they differ from those of Table 1."""
         if table is self.table or table["dataset"] != self.table.get("dataset"):
             return str(table["dataset"])
         if table["sha256"] != self.table["sha256"]:
-            return f"{table['dataset']}, rendered anew"
+            return f"{table['dataset']}, rendered anew ({table['sha256'][:8]})"
         return f"{table['dataset']}, first {table['pairs']}"
 
     @cached_property
@@ -87,16 +93,31 @@ class PaperRecords:
         return None
 
     @cached_property
-    def ablations(self) -> dict[str, Any]:
-        """The ablations, all of one kind. Raises InvalidArgument when they are not."""
-        found = self.read("paper/ablations")
-        check_one_kind("ablations.json", rows_by_name(found.get("groups", {})))
-        return found
+    def ablations(self) -> list[dict[str, Any]]:
+        """The records of ablations on the pictures of Table 1, each of one kind; InvalidArgument if one is not."""
+        names = [file.stem for file in sorted(self.results.glob("paper/ablations*.json"))]
+        found = {name: self.read(f"paper/{name}") for name in names}
+        for name, record in found.items():
+            check_one_kind(f"{name}.json", rows_by_name(record["groups"]))
+        pictures = {table["sha256"] for table in self.same_pictures.values()}
+        return [record for name, record in found.items() if name == "ablations" or record["sha256"] in pictures]
+
+    @cached_property
+    def ablated(self) -> Rows:
+        """Every row of the ablations, by the name of its run."""
+        rows: Rows = {}
+        for record in reversed(self.ablations):
+            rows |= rows_by_name(record["groups"])
+        return {name: {**row, "last_loss": loss_of_last_epoch(row)} for name, row in rows.items()}
 
     @cached_property
     def known(self) -> Rows:
         """Every row of Table 1 and of the ablations, by the name of its run."""
-        return {**self.table.get("methods", {}), **rows_by_name(self.ablations.get("groups", {}))}
+        methods = self.table.get("methods", {})
+        return {
+            **{name: {**row, "last_loss": loss_of_last_epoch(row)} for name, row in methods.items()},
+            **self.ablated,
+        }
 
     @cached_property
     def methods(self) -> dict[str, dict[str, Any]]:
@@ -106,15 +127,22 @@ class PaperRecords:
             rows = {**found["methods"], **rows}
         return rows
 
-    @cached_property
-    def bound(self) -> Bound:
-        """By how much the errors of two runs of one setting differ."""
-        return repeat_bound(self.known)
+    def bound(self, measure: str = "epe") -> Bound:
+        """By how much a measure of two runs of one setting differs, of runs with as many pairs as those of Table 1."""
+        return repeat_bound(self.known, measure, PAPER_PROTOCOL["train_pairs"])
 
     def read(self, name: str) -> dict[str, Any]:
         """Return a record by its folder and name."""
         file = self.results / f"{name}.json"
         return dict(json.loads(file.read_text())) if file.exists() else {}
+
+
+def loss_of_last_epoch(row: dict[str, Any]) -> float | None:
+    """Return the mean training loss of the last epoch.
+
+    None for an older row: its run logged one batch of twenty, which says little of an epoch.
+    """
+    return row["last_loss"] if (row.get("curve") or {}).get("loss_steps") else None
 
 
 def label_of(name: str, row: dict[str, Any]) -> str:
@@ -150,4 +178,4 @@ def _samples(row: dict[str, Any]) -> str:
 
 
 def _pairs(data: dict[str, Any] | None) -> str:
-    return f"{data['pairs']} of {data['name']}" if data else ""
+    return f"{data['pairs']} of {data['name']} ({data['sha256'][:8]})" if data else ""

@@ -37,6 +37,8 @@ FREE = (
     *("device", "precision", "workers", "threads"),
 )
 
+TEST_ERRORS = ("test_epe", "test_epe_in_range")  # what is measured after each epoch, px
+
 
 @dataclass(frozen=True)
 class RunState:
@@ -76,7 +78,8 @@ def config_of(experiment: Experiment, data: Path, layout: str, budget: str, over
     """Return the settings of a run; where it goes by epochs, something may be measured after each."""
     settings = experiment.settings(budget, overrides)
     every = max(1, settings["steps"] // settings.get("epochs", 1))
-    often = {"validate_every": every, "log_every": min(TrainConfig.log_every, every)}  # every epoch has its loss
+    # Rows of the log end with every epoch: so each has its loss.
+    often = {"validate_every": every, "log_every": max(n for n in range(1, TrainConfig.log_every + 1) if not every % n)}
     return TrainConfig.from_dict({"data": str(data), "layout": layout, **often, **settings})
 
 
@@ -116,22 +119,22 @@ def check_settings(name: str, begun: TrainConfig, settings: dict[str, Any]) -> N
 def training_curve(state: RunState) -> dict[str, list[float]] | None:
     """Return loss and test error, px, after each epoch; None for a run that goes by no epochs.
 
-    The loss is the mean of the log's lines within the epoch.
+    The loss is the mean over the steps of the epoch that ends there, of which ``loss_steps`` says the number.
     """
     measured = [entry for entry in state.history if "test_epe" in entry]
     if not measured:
         return None
     steps, losses = _logged(state, "loss")
     share = state.config.epochs / state.steps
-    curve: dict[str, list[float]] = {"epochs": [], "loss": [], "test_epe": [], "test_epe_in_range": []}
-    first = 0.0
+    of_row = np.diff(steps, prepend=0.0)  # steps that each row of the log is the mean of
+    curve: dict[str, list[float]] = {key: [] for key in ("epochs", "loss", "loss_steps", *TEST_ERRORS)}
     for entry in measured:
-        within = (steps > first) & (steps <= entry["step"])
+        within = (steps > entry["step"] - state.config.validate_every) & (steps <= entry["step"])
         curve["epochs"].append(round(entry["step"] * share, 3))
-        curve["loss"].append(float(f"{losses[within].mean():.6g}"))
-        for key in ("test_epe", "test_epe_in_range"):
+        curve["loss"].append(float(f"{np.average(losses[within], weights=of_row[within]):.6g}"))
+        curve["loss_steps"].append(float(of_row[within].sum()))
+        for key in TEST_ERRORS:
             curve[key].append(round(entry[key], 4))
-        first = entry["step"]
     return curve
 
 
@@ -185,7 +188,7 @@ def test_errors(reader: DatasetReader, pairs: int | None) -> Watch:
             for row, known in enumerate((np.isfinite(truth), truth <= largest)):
                 sums[row] += error[known].sum(), known.sum()
         whole, within = (float(total / max(pixels, 1)) for total, pixels in sums)
-        return {"test_epe": whole, "test_epe_in_range": within}
+        return dict(zip(TEST_ERRORS, (whole, within), strict=True))
 
     return measure
 
@@ -221,13 +224,24 @@ def exported(state: RunState) -> Path:
     """Return the model file of a run, written when its checkpoint is a new one."""
     file = model_file(state.folder, state.sha256)
     if not file.exists():
-        network = checkpoint.load(state.folder).build()
         note = {"samples_seen": state.samples_seen, "samples_planned": state.samples_planned}
-        info = ModelDescription(name=state.name, version="1", training=note)
-        export_model(
-            network, file, info, size_step=network.input_multiple if isinstance(network, PublishedNetwork) else 1
-        )
+        _export(checkpoint.load(state.folder).build(), file, state.name, note)
     return file
+
+
+def untrained(experiment: Experiment, runs: Path) -> Path:
+    """Return a file of the network of a run with random weights, for timings."""
+    file = runs / "untrained" / f"{experiment.name}.onnx"
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        config = TrainConfig.from_dict({"data": ".", **experiment.settings("gpu", {})})
+        _export(checkpoint.configured_network(config).eval(), file, experiment.name, {})
+    return file
+
+
+def _export(network: StereoNetwork, file: Path, name: str, training: dict[str, Any]) -> None:
+    info = ModelDescription(name=name, version="1", training=training)
+    export_model(network, file, info, size_step=network.input_multiple if isinstance(network, PublishedNetwork) else 1)
 
 
 def model_file(folder: Path, sha256: str) -> Path:

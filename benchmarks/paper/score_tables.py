@@ -6,7 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 from benchmarks.methods.classical import BM_RANGE_PX, SEARCHED
-from benchmarks.paper.experiments import EXPERIMENTS, FRAME, GROUPS, LABELS, PROTOCOLS, SEEDS, Experiment, size
+from benchmarks.paper.experiments import (
+    EXPERIMENTS,
+    FRAME,
+    GROUPS,
+    LABELS,
+    PROTOCOLS,
+    SEEDS,
+    Experiment,
+    rows_by_name,
+    size,
+)
 from benchmarks.paper.paper_records import NOT_RECORDED, PaperRecords, given, label_of
 from benchmarks.paper.verdicts import NOT_MEASURED
 from benchmarks.tables.markdown import percent, table
@@ -87,9 +97,9 @@ def sets_table(records: PaperRecords) -> str:
         load = found.get("load_while_timed")
         busy = NOT_RECORDED if load is None else f"{load:.1f}"
         rows.append([name, *_set(found, found["methods"].values()), where, str(found["threads"]), busy])
-    if records.ablations:
-        ran = [row for rows in records.ablations["groups"].values() for row in rows.values() if row]
-        rows.append([f"{records.ablations['dataset']}, for the ablations", *_set(records.ablations, ran), "", "", ""])
+    for record in records.ablations:
+        ran = rows_by_name(record["groups"]).values()
+        rows.append([f"{record['dataset']}, for the ablations", *_set(record, ran), "", "", ""])
     heads = ["test pairs of", "SHA-256", "pairs", "pixels with truth", "of them non-occluded"]
     return _table([*heads, "timed on", "threads", "load"], rows)
 
@@ -227,7 +237,7 @@ def parts_table(records: PaperRecords) -> str:
     rows = []
     for pairs, found in records.tables.items():
         for name, row in found["methods"].items():
-            if row.get("parts"):
+            if name in ROWED and row.get("parts"):
                 shown = [row["parts"].get(key) for key in PARTS]
                 cells = [f"{one['epe']:.3f} ({percent(one['pixels'] / row['pixels'])})" if one else "" for one in shown]
                 rows.append([label_of(name, row), pairs, f"{row['epe']:.3f}", *cells])
@@ -238,8 +248,7 @@ def ablations_table(records: PaperRecords) -> str:
     """Every run of the ablations that has been done."""
     rows = []
     for run in EXPERIMENTS:
-        row = records.ablations.get("groups", {}).get(run.group, {}).get(run.label)
-        if row:
+        if run.group != "table1" and (row := records.ablated.get(run.name)):
             within = f"{row['epe_in_range']:.4f}" if row.get("epe_in_range") is not None else ""
             loss = f"{row['last_loss']:.4g}" if row.get("last_loss") is not None else ""
             cells = [f"{row['epe']:.4f}", within, percent(row["kpe"]["1"]), loss, *given(row)]

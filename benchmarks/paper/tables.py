@@ -18,10 +18,18 @@ from benchmarks.methods.classical import classical_method
 from benchmarks.methods.costs import network_costs
 from benchmarks.methods.kept_patchmatch import fresh_match, kept_match
 from benchmarks.methods.patchmatch import PatchMatchSettings
-from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS, PROTOCOLS, rows_by_name
+from benchmarks.paper.experiments import CLASSICAL, EXPERIMENTS, LABELS, PROTOCOLS, RANGES, rows_by_name
 from benchmarks.paper.one_kind import check_one_kind, check_same_set
 from benchmarks.paper.rows import row
-from benchmarks.paper.runs import RunState, config_gmacs, exported, model_file, rate_restarts, training_curve
+from benchmarks.paper.runs import (
+    RunState,
+    config_gmacs,
+    exported,
+    model_file,
+    rate_restarts,
+    training_curve,
+    untrained,
+)
 from benchmarks.paper.stages import stage_errors
 from benchmarks.record import NO_MODEL, Hashes, write_record
 from benchmarks.turns import answers_in_turns
@@ -36,6 +44,9 @@ from endosdk.jobs.machine import machine_record
 from endosdk.runtime.estimator import DepthEstimator
 from endosdk.runtime.models import shipped_models, shipped_weights
 from endosdk.training import checkpoint
+
+# What the smallest range of the ablations holds: only there can all ranges be compared.
+COMMON_PX = min(RANGES) - _core.range_margin
 
 
 class Scores:
@@ -75,7 +86,16 @@ class Scores:
     def score(self, method: Method) -> dict[str, Any]:
         """Run a method over the split; the row says where and when, because it is kept beside rows of other runs."""
         here = timing_of(machine_record())
-        return {**row(evaluate(method, self.reader, self.limit)), "scored_on": here, "timed_on": here}
+        board = ScoreBoard()
+
+        def watched(sample: Sample) -> Answer:
+            answer = method(sample)
+            board.add(answer.disparity, sample.disparity, largest_px=COMMON_PX)
+            return answer
+
+        found = row(evaluate(watched, self.reader, self.limit))
+        common = row({**board.result(), "ms_median": found["ms"]})["epe_in_range"]
+        return {**found, "epe_common": common, "scored_on": here, "timed_on": here}
 
 
 def classical_rows(scores: Scores, best: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -135,8 +155,13 @@ def learned_from(training: dict[str, Any]) -> dict[str, Any] | None:
     return before["data"] if before else training.get("data")
 
 
-def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dict[str, dict[str, Any]]:
-    """Score the models that come with the package; they saw more data than the protocol's 800 pairs."""
+def shipped_rows(
+    scores: Scores, size: tuple[int, int], wanted: set[str], learned: Scores | None
+) -> dict[str, dict[str, Any]]:
+    """Score the models that come with the package; they saw more data than the protocol's 800 pairs.
+
+    With ``learned`` the error on training pairs is taken too.
+    """
     rows = {}
     # The answers are those of the whole frame path, most of which is compiled.
     core = hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()
@@ -145,13 +170,28 @@ def shipped_rows(scores: Scores, size: tuple[int, int], wanted: set[str]) -> dic
             continue
         model = DepthEstimator(name).model
         state = f"{model.sha256}, core {core}"
-        found = scores.get(f"shipped-{name}", state, lambda name=name: scores.score(estimator_method(name)))
+        found = scored_with_learned(f"shipped-{name}", state, lambda name=name: name, scores, learned)
         config = checkpoint.load(shipped_weights()[name]).config
         costs = network_costs(name, model.max_disparity, size[1], size[0], dense_disparity=config.dense_disparity)
         known = {"params": costs.params, "gmacs": costs.gmacs, "trained_on": learned_from(model.training)}
         known |= {"output_stride": model.output_stride, "version": model.version, "model_sha256": model.sha256}
         rows[f"shipped-{name}"] = {**found, **known}
     return rows
+
+
+def scored_with_learned(
+    place: str, mark: str, model: Callable[[], str], scores: Scores, learned: Scores | None
+) -> dict[str, Any]:
+    """Return the row of a network on the test pairs, with its error on training pairs where these are given."""
+
+    def score(which: Scores) -> dict[str, Any]:
+        return which.score(estimator_method(model()))
+
+    found = scores.get(place, mark, lambda: score(scores))
+    if learned is None:
+        return found
+    seen = learned.get(place, mark, lambda: score(learned))
+    return {**found, "train_epe": seen["epe"], "train_pairs_scored": learned.pairs}
 
 
 def trained_row(scores: Scores, state: RunState, size: tuple[int, int], learned: Scores | None) -> dict[str, Any]:
@@ -161,18 +201,12 @@ def trained_row(scores: Scores, state: RunState, size: tuple[int, int], learned:
     """
     place, config = f"{state.budget}/{state.name}", state.config
 
-    def make() -> dict[str, Any]:
-        return scores.score(estimator_method(str(exported(state))))
-
     def stages() -> dict[str, Any]:
         return {"epe": stage_errors(checkpoint.load(state.folder).build(), scores.reader, scores.pairs)}
 
-    found = scores.get(place, state.sha256, make)
+    found = scored_with_learned(place, state.sha256, lambda: str(exported(state)), scores, learned)
     if config.network == "anynet":  # the one that answers at any stage
         found["stages"] = scores.get(f"{place}, stages", state.sha256, stages)["epe"]
-    if learned is not None:
-        seen = learned.get(place, state.sha256, lambda: learned.score(estimator_method(str(exported(state)))))
-        found |= {"train_epe": seen["epe"], "train_pairs_scored": learned.pairs}
     costs = network_costs(config.network, config.max_disparity, size[1], size[0])
     curve = training_curve(state)
     plain = config.as_dict()
@@ -284,7 +318,7 @@ def retime_table(file: Path, reader: DatasetReader, runs: Path, only: list[str] 
     for values in table["methods"].values():
         values.setdefault("timed_on", timing_of(table["machine"]))
     rows = {name: values for name, values in table["methods"].items() if name in only} if only else table["methods"]
-    methods = {name: method_of(name, values, runs) for name, values in rows.items() if only or name != "patchmatch"}
+    methods = {name: timed_method(name, values, runs) for name, values in rows.items() if only or name != "patchmatch"}
     for name, milliseconds in retime({name: found for name, found in methods.items() if found}, reader).items():
         rows[name].update(ms=milliseconds, timed_on=timing_of(machine))
         if "unfilled" in rows[name]:
@@ -304,10 +338,17 @@ def method_of(name: str, values: dict[str, Any], runs: Path) -> Method | None:
         return classical_method(name, values["settings"], filled=False)
     if name.startswith("shipped-"):
         return estimator_method(name.removeprefix("shipped-"))
-    if "budget" not in values:
+    if "checkpoint_sha256" not in values:
         return None
     file = model_file(runs / values["budget"] / name, values["checkpoint_sha256"])
     return estimator_method(str(file)) if file.exists() else None
+
+
+def timed_method(name: str, values: dict[str, Any], runs: Path) -> Method | None:
+    """Return the method of a row to time. Without its run it is the same network untrained, which takes as long."""
+    planned = [run for run in EXPERIMENTS if run.name == name]
+    found = method_of(name, values, runs)
+    return estimator_method(str(untrained(planned[0], runs))) if found is None and planned else found
 
 
 def retime(methods: dict[str, Method], reader: DatasetReader, pairs: int = 3, repeats: int = 3) -> dict[str, float]:

@@ -156,7 +156,8 @@ def test_curves_have_loss_and_test_error_after_each_epoch(done):
     assert len(curve["loss"]) == len(curve["test_epe"]) == 2 and all(error > 0 for error in curve["test_epe"])
     # The last point is the trained network, whose file is scored: the same pairs, the same error.
     assert curve["test_epe"][-1] == pytest.approx(row["epe"], abs=2e-3)
-    assert row["last_loss"] == curve["loss"][-1]
+    assert row["last_loss"] == curve["loss"][-1] and curve["loss_steps"] == [1, 1]
+    assert row["train_epe"] > 0 and row["epe_common"] > 0
     assert all((done / f"docs/loss_{name}.png").exists() for name in ("loss", "epe", "epe_in_range"))
 
 
@@ -189,7 +190,7 @@ def test_a_folder_without_the_page_is_refused(tmp_path):
 
 def test_page_marks_short_runs_and_says_what_is_missing(done):
     text = (done / "docs/report.md").read_text()
-    given = r"\*\*stopped early\*\*: 2 of 4 crops of 96 x 48 \| 4 of tiny \| \d+ \| 0\.0\d \| fp32 \| 0 \|"
+    given = r"\*\*stopped early\*\*: 2 of 4 crops of 96 x 48 \| 4 of tiny \(\w{8}\) \| \d+ \| 0\.0\d \| fp32 \| 0 \|"
     assert re.search(rf"\| {re.escape(LABELS['wang2020'])} \| \d.*{given}", text)
     assert re.search(r"\| Table 1 \| .*; PSMNet; PatchMatch stereo \|", text)  # named once, and nowhere with a number
     assert "\n| PSMNet |" not in text
@@ -320,6 +321,7 @@ def test_rows_of_another_kind_are_refused_by_name(done):
     cases = {
         "loss-l2 must have the precision of base in ablations.json, fp32; got bf16": {"precision": "bf16"},
         "loss-l2 must have the protocol paper in ablations.json; got ours": {"protocol": "ours"},
+        "loss-l2 must have the budget of base in ablations.json, gpu; got cpu": {"budget": "cpu"},
         "loss-l2 must have the training set of base": {"train_data": {**other["train_data"], "sha256": "0"}},
         "loss-l2 must have the crop of base": {"settings": {**other["settings"], "crop": [720, 960]}},
     }

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.paper.experiments import GROUPS, LABELS
+from benchmarks.paper.experiments import GROUPS, LABELS, RANGES
 from benchmarks.paper.page_tables import FROM_RECORDS, page_tables
 from benchmarks.paper.paper_records import given, label_of
 from benchmarks.paper.rows import KPE, row
@@ -90,7 +90,7 @@ def test_what_the_paper_states_stands_above_what_was_measured():
 
 def test_the_range_of_every_method_is_stated(tmp_path, table1, shipped):
     rows = {line[0][2:]: line[3] for line in cells(RESULTS, "runs")[2:]}
-    of_runs = {"wang2020": "72", "psmnet": "80", "anynet": "not recorded", "anynet-published": "192"}
+    of_runs = {"wang2020": "72", "psmnet": "80", "anynet-published": "192"}
     matchers = {"patchmatch": "72", "sgbm": "80", "sgbm-hh": "80", "bm": "80"}
     for name, found in (of_runs | matchers).items():
         assert rows[LABELS[name]] == found, name
@@ -103,14 +103,17 @@ def test_a_row_says_what_it_was_given():
     trained = {**SEEN, "training_tmacs": 26.4, "hours": 0.5, "precision": "bf16", "seed": 1, "budget": "gpu"}
     assert given(trained) == ["1600 crops of 960 x 120", "", "26", "0.50", "bf16", "1", "GPU"]
     changed = {"crop": [720, 960], "samples_planned": 3200, "complete": False, "rate_restarts": [900]}
-    assert given({**trained, **changed, "train_data": {"name": "gi", "pairs": 800}})[:2] == [
+    assert given({**trained, **changed, "train_data": {"name": "gi", "pairs": 800, "sha256": 64 * "3"}})[:2] == [
         "**stopped early**: 1600 of 3200 whole frames; rate raised after step 900",
-        "800 of gi",
+        "800 of gi (33333333)",
     ]
     assert given({**SEEN, "training_tmacs": 1.0})[3:] == ["not recorded", "not recorded", "0", "not recorded"]
     windowed = {**SEEN, "training_tmacs": 1.0, "refine_crop": [60, 120]}
     assert given(windowed)[0].endswith("; refinement on 120 x 60 of each")
-    assert given({"trained_on": {"name": "all", "pairs": 7}})[:2] == ["a recipe of our own", "7 of all"]
+    assert given({"trained_on": {"name": "all", "pairs": 7, "sha256": "12"}})[:2] == [
+        "a recipe of our own",
+        "7 of all (12)",
+    ]
     assert given({})[0] == "no training"
 
 
@@ -138,10 +141,10 @@ def test_every_table_with_a_file_that_does_not_ship_says_so(tmp_path, table1, sh
 
 
 def test_errors_on_training_pairs_and_after_stages_are_shown(tmp_path, table1):
-    names = ("anynet-published-seed1", "anynet", "wang2020")
+    names = ("anynet-published-seed1", "psmnet", "wang2020")
     rows = table1["methods"] = {name: table1["methods"][name] for name in names}
     rows["wang2020"] |= {"train_epe": 0.4, "train_pairs_scored": 100}
-    rows["anynet"]["stages"] = [3.0, 2.0, 1.5, 1.0]
+    rows["psmnet"]["stages"] = [3.0, 2.0, 1.5, 1.0]
     write_json(tmp_path / "paper" / "table1.json", table1)
     learned, seed = cells(tmp_path, "learned")[2:]
     assert learned == [f"| {LABELS['wang2020']}", "100", "0.400", f"{rows['wang2020']['epe']:.3f} |"]
@@ -164,11 +167,45 @@ def test_the_methods_of_table_1_are_judged(table1):
 
 
 def test_every_setting_that_was_repeated_is_listed_and_the_largest_difference_is_the_bound():
-    head, _, *rows, last = cells(RESULTS, "repeats")
+    head, _, *lines = cells(RESULTS, "repeats")
+    rows, bounds = ([line for line in lines if ("largest" in line[0]) == which] for which in (False, True))
     assert {line[0] for line in rows} >= {"| 100 pairs", "| 100 pairs, coarse alone", f"| {LABELS['anynet-published']}"}
-    for at in range(1, len(head)):
-        shares = [float(line[at].split()[0]) for line in rows if line[at].strip("| ")]
-        assert last[at].startswith(f"**{max(shares):.1f} %**, of {len(shares)}")
+    assert [line[0].split()[-4] for line in bounds] == ["100", "400", "800"]
+    few = ("| 100 pairs", "| 400 pairs")
+    for bound, fewer in zip(bounds, ((), few[:1], few), strict=True):
+        for at in range(1, len(head)):
+            shares = [
+                float(line[at].split()[0]) for line in rows if line[at].strip("| ") and not line[0].startswith(fewer)
+            ]
+            found = bound[at].strip(" |")
+            assert found == (f"**{max(shares):.1f} %**, of {len(shares)}" if shares else "")
+
+
+def test_ablations_on_another_rendering_of_the_same_pictures_count(tmp_path, table1):
+    first, second = ({**SEEN, "epe": error, "kpe": {"1": 0.1}, "training_tmacs": 1.0} for error in (1.0, 1.5))
+    write_json(tmp_path / "paper" / "table1.json", table1)
+    same = {**table1, "sha256": "other", "methods": {"bm": table1["methods"]["bm"]}}
+    write_json(tmp_path / "paper" / "table1_again.json", same)
+    set_ = {"dataset": "gi", "pairs": 10}
+    for name, sha256, label, row_ in (
+        ("ablations", table1["sha256"], "72 px", first),
+        ("ablations_again", "other", "72 px, seed 1", {**second, "pixels": 7}),
+        ("ablations_else", "of other pictures", "56 px", second),
+    ):
+        rows = {"pixels": 7, **row_}
+        write_json(tmp_path / "paper" / f"{name}.json", {**set_, "sha256": sha256, "groups": {"range": {label: rows}}})
+    assert [line[0] for line in cells(tmp_path, "ablations")[2:]] == ["| 72 px", "| 72 px, seed 1"]
+    assert [line[0] for line in cells(tmp_path, "sets")[-2:]] == ["| gi, for the ablations"] * 2
+    assert ["| 72 px", "50.0 %"] in [line[:2] for line in cells(tmp_path, "repeats")]
+
+
+def test_a_loss_of_single_batches_is_none_of_an_epoch(tmp_path):
+    """Runs of before logged one batch of twenty."""
+    seen = {**SEEN, "epe": 1.0, "kpe": {"1": 0.1}, "training_tmacs": 1.0, "last_loss": 0.25}
+    curves = {"72 px": {"loss": [0.5, 0.25]}, "48 px": {"loss": [0.5, 0.25], "loss_steps": [20.0, 20.0]}}
+    rows = {label: {**seen, "curve": curve} for label, curve in curves.items()}
+    write_json(tmp_path / "paper" / "ablations.json", {"groups": {"range": rows}})
+    assert [line[5] for line in cells(tmp_path, "ablations")[2:]] == ["", "0.25"]
 
 
 def test_blur_and_noise_are_judged_by_their_own_bounds(tmp_path, table1):
@@ -178,15 +215,10 @@ def test_blur_and_noise_are_judged_by_their_own_bounds(tmp_path, table1):
         return {**SEEN, "epe": 1.0, "parts": {"edges": {"epe": edges}}, "noise": noise, **more}
 
     again = {"train_data": {"sha256": "1"}}
-    first = {label: run(1.0, 1.0, **again) for label in ("100 pairs", "400 pairs")}
+    first = {f"{largest} px": run(1.0, 1.0, **again) for largest in (192, *RANGES)}
     second = {f"{label}, seed 1": run(1.01, 1.25, seed=1, **again) for label in first}
-    others = {
-        f"{label}, {kind}{seed}": run(1.0, 1.0, **again)
-        for label in ("100 pairs", "400 pairs")
-        for kind in ("refined", "coarse alone")
-        for seed in ("", ", seed 1")
-    }
-    write_json(tmp_path / "paper" / "ablations.json", {"groups": {"pairs": first | second, "refinement": others}})
+    few = {"100 pairs": run(1.0, 1.0, **again), "100 pairs, seed 1": run(9.0, 9.0, seed=1, **again)}
+    write_json(tmp_path / "paper" / "ablations.json", {"groups": {"range": first | second, "pairs": few}})
     methods = {"paper-192": run(1.0, 1.0), "anynet-published": run(1.1, 1.0), "patchmatch": {"noise": 1.2}}
     methods |= {"sgbm": {"noise": 1.6}, "psmnet": run(1.005, 1.0)}
     write_json(tmp_path / "paper" / "table1.json", {**table1, "methods": methods})
@@ -220,7 +252,9 @@ def test_another_rendering_of_the_same_pictures_counts(tmp_path, table1):
         for line in cells(tmp_path, "methods")
         if line[0][2:] == LABELS["paper-192"] and "PatchMatch" in line[1] and "px" in line[2]
     )
-    assert found[4].startswith("0.100 against 1.594") and found[-1] == "endosim-gi, rendered anew and endosim-gi |"
+    assert (
+        found[4].startswith("0.100 against 1.594") and found[-1] == "endosim-gi, rendered anew (other) and endosim-gi |"
+    )
 
     other = {**again["methods"]["bm"], "epe": 1.01 * again["methods"]["bm"]["epe"]}
     for methods in ({**again["methods"], "bm": other}, {"paper-192": run}):
@@ -232,7 +266,7 @@ def test_pairs_that_were_rendered_anew_stand_apart(tmp_path, table1, shipped):
     methods = {"shipped-fast": {**shipped["shipped-fast"], "version": "11"}}
     for name, content in (("table1", table1), ("table1_again", {**table1, "sha256": "other", "methods": methods})):
         write_json(tmp_path / "paper" / f"{name}.json", content)
-    rows = [line for line in cells(tmp_path, "errors") if line[1] == f"{table1['dataset']}, rendered anew"]
+    rows = [line for line in cells(tmp_path, "errors") if line[1] == f"{table1['dataset']}, rendered anew (other)"]
     assert len(rows) == 1 and "version 11" in rows[0][0]
     assert [line[1] for line in cells(tmp_path, "sets")[2:]] == [table1["sha256"][:8], "other"]
     assert sum("version 11" in line[0] for line in cells(tmp_path, "runs")) == 1
