@@ -75,6 +75,20 @@ def parts_table(record: str) -> str:
     return table(heads, rows)
 
 
+def real_front_table() -> str:
+    """Errors on real pairs of models that see them at several widths, and the time of a frame of the same file."""
+    found, timed = records.read("accuracy/pareto_front_real"), records.read("accuracy/pareto_front")
+    rows = []
+    for name, point in found["points"].items():
+        sha256 = found["models"][name]
+        known = timed["model_sha256"].get(name) == sha256
+        time = f"{timed['points'][name]['ms']:.0f} ms" if known else "not timed"
+        label = records.marked(records.METHODS[point["model"]], sha256)
+        errors = [percent(point["in_range"]), f"{point['epe_px']:.2f}", percent(point["kpe_3"])]
+        rows.append([label, f"{point['network_width']} px", time, *errors])
+    return table(["method", "inference width", "time of a frame", "in range", "EPE of these, px", "over 3 px"], rows)
+
+
 def errors_table(model: str) -> str:
     """Errors of one model on every test set that has a record."""
     rows = []

@@ -115,6 +115,29 @@ def test_errors_by_what_a_method_answers_for(given):
     ]
 
 
+def test_errors_on_real_pairs_and_times(given):
+    def point(model, number):
+        errors = {"epe_px": number + 0.125, "in_range": number / 100, "kpe_3": number / 1000}
+        return {"model": model, "network_width": 100 * number, **errors}
+
+    points = {"fast-320": point("fast-320", 1), "wide": point("fast", 2), "accurate": point("accurate", 3)}
+    hashes = {"fast-320": "abc", "wide": "abc", "accurate": "abc"}
+    # One was timed with another file, one not at all.
+    timed = {
+        "points": {"wide": {"ms": 41.4}, "fast-320": {"ms": 51.4}},
+        "model_sha256": {"wide": "abc", "fast-320": "x"},
+    }
+    given({"accuracy/pareto_front_real": {"points": points, "models": hashes}, "accuracy/pareto_front": timed})
+    assert columns(errors.real_front_table()) == [
+        ("method", "fast-320 (8-bit)", "**fast** (8-bit)", "accurate (8-bit)"),
+        ("inference width", "100 px", "200 px", "300 px"),
+        ("time of a frame", "not timed", "41 ms", "not timed"),
+        ("in range", "1.0 %", "2.0 %", "3.0 %"),
+        ("EPE of these, px", "1.12", "2.12", "3.12"),
+        ("over 3 px", "0.1 %", "0.2 %", "0.3 %"),
+    ]
+
+
 def test_errors_of_one_model_on_every_set(given):
     names = ("accuracy_lap_cycles", "accuracy_lap", "accuracy_cycles", "accuracy")
     methods = [{"fast": scores(number), "wang2020": scores(9)} for number in range(1, 5)]
