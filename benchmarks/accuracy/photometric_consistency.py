@@ -1,10 +1,11 @@
-"""What the rule that both views must agree does: to right pairs, and to pairs that no answer should come of.
+"""What the rules that both views must agree do: to right pairs, and to pairs that no answer should come of.
 
     python -m benchmarks.accuracy.photometric_consistency --data DIR [--real DIR] --json FILE
 
-A network answers whatever it is shown, also one covered camera. The SDK takes the confidence from blocks whose views do
-not correlate at the disparity found, and from the whole frame when most do not. Every pair is computed without the rule
-and with it. `--real` names a folder of real pairs: `scared_rectified`, `chessboard`, `hamlyn_phantom`.
+A network answers whatever it is shown, also one covered camera. The SDK compares each pixel of the left view with its
+match in the right one, and lowers the confidence where the two do not correlate. A frame that is INVALID has no valid
+pixel. Every pair is computed without these rules and with them. `--real` names a folder of real pairs:
+`scared_rectified`, `chessboard`, `hamlyn_phantom`.
 """
 
 from __future__ import annotations
