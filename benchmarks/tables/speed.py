@@ -131,6 +131,16 @@ def soak_table() -> str:
     return table(["measure", records.marked("value", run["model_sha256"])], rows)
 
 
+def real_time_priority_table() -> str:
+    """Time of a frame with the usual priority and with a real-time one, beside busy processes."""
+    run = records.read("speed/real_time_priority")
+    rows = [
+        [f"`{policy}`", *(f"{spread[key]:.0f} ms" for key in ("p50_ms", "p99_ms", "max_ms"))]
+        for policy, spread in run["policies"].items()
+    ]
+    return table([records.marked("policy", run["model_sha256"]["fast"]), "median", "p99", "largest"], rows)
+
+
 def arm_instructions_table() -> str:
     """Instructions that each kernel takes on 64-bit ARM, plain and with NEON."""
     rows = [
