@@ -167,8 +167,10 @@ def _evaluate(args: argparse.Namespace) -> None:
     scores = tables.Scores(args.runs / "scores.json", reader, args.pairs)
     # As many training pairs tell what a run makes of what it has learned from.
     train = open_dataset(args.data, "train", layout=args.layout) if args.data else None
-    learned = tables.Scores(args.runs / "scores.json", train, scores.pairs) if train else None
     first = scores.on_first(BUDGETS[budget].ablation_pairs)
+    learned, fewer = (
+        tables.Scores(args.runs / "scores.json", train, some.pairs) if train else None for some in (scores, first)
+    )
     size = reader[0].left.shape[1::-1]
     table, ablations = (
         args.results / f"paper/{args.table}.json",
@@ -193,7 +195,6 @@ def _evaluate(args: argparse.Namespace) -> None:
     if rows:
         tables.write_table(table, scores, rows)
     if ablated:
-        fewer = learned.on_first(first.pairs) if learned else None
         found = {name: tables.trained_row(first, done[name], size, fewer) for name in ablated}
         tables.write_ablations(ablations, first, found)
 
