@@ -27,7 +27,8 @@ def test_both_policies_are_timed_beside_busy_processes(monkeypatch):
     assert list(found) == ["SCHED_OTHER", "SCHED_FIFO"]
     assert all(0 < one["p50_ms"] <= one["p99_ms"] <= one["max_ms"] for one in found.values())
     tasks = [int(task.name) for task in Path("/proc/self/task").iterdir()]
-    assert {os.sched_getscheduler(task) for task in tasks} == {os.SCHED_OTHER}
+    # Threads of other tests may have any other policy.
+    assert os.SCHED_FIFO not in {os.sched_getscheduler(task) for task in tasks}
 
 
 def test_frames_come_at_the_rate_of_a_camera():
