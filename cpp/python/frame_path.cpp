@@ -344,6 +344,14 @@ void bind_frame_path(py::module_& m) {
            arg("height"), release())
       .def("cancel", [](Path& p) { p.path().cancel(); }, release())
       .def("self_test", [](Path& p) { p.path().self_test(); }, release())
+      .def("cells_of_answer", [](Path& p) {
+        const CellsOfAnswer cells = [&] {
+          const py::gil_scoped_release unlocked;
+          return p.path().cells_of_answer();
+        }();
+        const auto map = [](const GoldenCells& means) { return py::array_t<float>({golden_rows, golden_columns}, means.data()); };
+        return std::pair(map(cells.disparity), map(cells.confidence));
+      })
       .def("close", [](Path& p) { p.path().close(); }, release())
       .def("largest_disparity", [](Path& p, int width, int height) { return p.path().largest_disparity({width, height}); },
            arg("width"), arg("height"), release())

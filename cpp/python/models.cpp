@@ -34,8 +34,19 @@ void bind_providers(py::module_& m) {
         "Keys and values of texts of the form key=value.");
   m.def("checked_provider_options", &checked_provider_options, py::arg("provider"), py::arg("options"),
         "The options of a provider, with whole 32-bit floats unless they say otherwise; wrong ones are refused.");
-  m.def("check_placement", &check_placement, py::arg("provider"), py::arg("placement"),
-        "Refuse a placement in which the provider does not compute the model.");
+  m.def(
+      "check_placement",
+      [](const std::string& provider, const std::map<std::string, std::vector<std::pair<std::string, std::string>>>& nodes,
+         const py::bytes& model, const std::string& origin) {
+        Placement placement;
+        for (const auto& [name, placed] : nodes) {
+          std::vector<PlacedNode>& there = placement[name];
+          for (const auto& [operation, node] : placed) there.push_back({operation, node});
+        }
+        check_placement(provider, placement, std::string_view(model), origin);
+      },
+      py::arg("provider"), py::arg("nodes"), py::arg("model"), py::arg("origin"),
+      "Refuse a placement, (operation, name) of the nodes on each provider, in which the provider does not compute the model.");
   m.def(
       "waiting_settings",
       [](bool polls) {

@@ -90,8 +90,11 @@ def parse_provider_options(texts: list[str]) -> list[tuple[str, str]]:
 def checked_provider_options(provider: str, options: list[tuple[str, str]]) -> list[tuple[str, str]]:
     """Return the options of a provider, with whole 32-bit floats unless they say otherwise; wrong ones are refused."""
 
-def check_placement(provider: str, placement: dict[str, dict[str, int]]) -> None:
-    """Refuse a placement, operations and their counts by provider, in which the provider does not compute the model."""
+def check_placement(provider: str, nodes: dict[str, list[tuple[str, str]]], model: bytes, origin: str) -> None:
+    """Refuse a placement, (operation, name) of the nodes on each provider, if the provider does not compute the model.
+
+    ``model`` is the content of the file, which tells the arithmetic of indices from that of pictures.
+    """
 
 def wants_float32_model(provider: str) -> bool:
     """Whether a float32 model is to be preferred to an 8-bit one, on this provider and this processor."""
@@ -479,6 +482,9 @@ class FramePath:
     def prepare(self, width: int, height: int) -> None: ...
     def cancel(self) -> None: ...
     def self_test(self) -> None: ...
+    def cells_of_answer(self) -> tuple[_Map, _Map]:
+        """Mean disparity and confidence, [rows, columns] of cells, of the built-in pair with a golden answer."""
+
     def close(self) -> None: ...
     def largest_disparity(self, width: int, height: int) -> float: ...
     def nearest_depth_mm(self) -> float: ...

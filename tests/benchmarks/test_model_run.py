@@ -39,4 +39,4 @@ def test_no_benchmark_takes_the_hash_of_a_name():
         for path in (ROOT / "benchmarks").rglob("*.py")
         if re.search(r"read_model\(|has_integer_units\(", path.read_text())
     }
-    assert reading == {"model_run.py", "speed/gpu.py", "studies/saturation.py"}
+    assert reading == {"model_run.py", "speed/gpu.py", "studies/flipped_bits.py", "studies/saturation.py"}

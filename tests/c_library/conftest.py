@@ -41,11 +41,9 @@ def library(installed) -> ctypes.CDLL:
 
 
 # Test programs and fuzzers that run under sanitizers.
+PARTS = ("frames", "maps", "models", "operation", "refusals", "session_threads", "streams", "thread_hook", "units")
 SANITIZED = (
-    *(
-        f"library_{part}"
-        for part in ("maps", "models", "operation", "refusals", "session_threads", "thread_hook", "units")
-    ),
+    *(f"library_{part}" for part in PARTS),
     *(f"fuzz_{part}" for part in ("calibration", "frame", "model", "rig_file")),
 )
 

@@ -194,8 +194,8 @@ def test_a_runtime_that_is_too_old_is_refused_by_its_version(library, tmp_path):
 @pytest.mark.parametrize(
     ("change", "rule"),
     [
-        (double_disparity, "self test: disparity: at least half of a plane"),
-        (no_confidence, "self test: depth: at least half of a plane"),
+        (double_disparity, "self test: disparity: a plane must be right to a pixel, at least 80 %"),
+        (no_confidence, "self test: (disparity|depth): a plane must"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )

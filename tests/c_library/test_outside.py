@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,24 @@ def test_live_answers_every_frame_or_says_it_skipped(examples, environment):
     assert int(found[1]) >= 1
     assert int(found[1]) + int(found[2]) == 40
     assert b"p99" in done.stdout
+    assert done.stderr == b""
+
+
+def test_live_says_when_the_camera_stalls(examples, environment):
+    left, right = shifted_pair(64, 96, 7)
+    frame = left.tobytes() + right.tobytes()
+    command = [str(examples / "live"), str(TINY_MODEL), "96", "64", "1000"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, env=environment, **pipes) as program:
+        program.stdin.write(4 * frame)  # more than a pipe holds: written once the program reads frames
+        program.stdin.flush()
+        time.sleep(1.5)
+        found, said = program.communicate(frame)
+    assert said == b"live: no frame for 1 s\n"
+    assert program.returncode == 0
+    computed, skipped = map(int, re.search(rb"(\d+) frames computed, 0 of them invalid, (\d+) skipped", found).groups())
+    assert computed + skipped == 5
+    assert computed >= 2  # the one before the pause and the one after it
 
 
 def test_the_headers_own_program_runs(installed, environment, tmp_path):

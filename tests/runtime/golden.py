@@ -1,4 +1,5 @@
-"""The kept answer to one pair that has everything: a raw rig, a circle of view, glare, an edge, noise.
+"""The kept answers: of a small network to one pair that has everything (a raw rig, a circle of view, glare, an edge,
+noise), and of the shipped `fast` to the demo pair, in cells.
 
 python -m tests.runtime.golden    # writes the maps anew, after a change that is meant to change them
 """
@@ -9,11 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from endosdk import DepthEstimator, DepthResult
-from tests.conftest import TINY_MODEL, shifted_pair
+from endosdk import DepthEstimator, DepthResult, StereoCalibration
+from endosdk.io.pictures import read_frame
+from endosdk.runtime.models import shipped_models
+from tests.conftest import ROOT, TINY_MODEL, shifted_pair
 from tests.rigs import raw_rig
 
 FILE = Path(__file__).parents[1] / "data" / "golden_maps.npz"
+DEMO_FILE = FILE.with_name("golden_demo.npz")
+CELLS = (9, 12)  # rows, columns
 SIZE = (240, 320)  # rows, columns
 MAPS = ("disparity", "confidence", "reasons", "depth", "sigma")
 
@@ -40,8 +45,30 @@ def answer() -> DepthResult:
         return estimator.predict(*pair())
 
 
+def demo_answer() -> DepthResult:
+    """What `fast` says of the demo pair; its own file, on every processor."""
+    samples = ROOT / "examples" / "data"
+    rig = StereoCalibration.load(samples / "rig.json")
+    with DepthEstimator(shipped_models()["fast"], calibration=rig) as estimator:
+        return estimator.predict(*(read_frame(samples / "demo" / f"{side}.png") for side in ("left", "right")))
+
+
+def in_cells(result: DepthResult) -> dict[str, np.ndarray]:
+    """Means over the valid pixels of each cell of the maps, and the share of these pixels."""
+    valid = result.reasons == 0
+    maps = {name: np.where(valid, getattr(result, name), np.nan) for name in MAPS if name != "reasons"}
+    cells = {name: np.array([np.nanmean(cell) for cell in cells_of(values)]) for name, values in maps.items()}
+    return {**cells, "valid": np.array([cell.mean() for cell in cells_of(valid)])}
+
+
+def cells_of(values: np.ndarray) -> list[np.ndarray]:
+    """The cells of a map, row by row."""
+    return [cell for row in np.array_split(values, CELLS[0]) for cell in np.array_split(row, CELLS[1], axis=1)]
+
+
 def main() -> None:
-    """Write the file."""
+    """Write the files."""
+    np.savez_compressed(DEMO_FILE, **in_cells(demo_answer()))
     result = answer()
     measures = {cause.name: measure for cause, measure in result.measures.items()}
     np.savez_compressed(

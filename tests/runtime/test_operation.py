@@ -108,7 +108,7 @@ def test_self_test_passes_and_leaves_no_trace():
 
 def test_a_model_that_finds_something_else_fails_the_self_test():
     with DepthEstimator(edited_model(double_disparity)) as estimator:
-        with pytest.raises(errors.SelfTestFailed, match="self test: disparity: at least half of a plane"):
+        with pytest.raises(errors.SelfTestFailed, match="self test: disparity: a plane must be right to a pixel"):
             estimator.self_test()
         assert estimator.diagnostics()["frames"] == 0
 

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from collections import Counter
 
 import numpy as np
 import onnx
@@ -147,9 +148,15 @@ def test_a_session_that_only_reads_a_model_runs_nothing():
 GPU, CPU = "CUDAExecutionProvider", _core.cpu_provider
 
 
+def check_placement(provider: str, counts: dict[str, dict[str, int]], model: bytes = b"") -> None:
+    """Check a placement of nodes without names: they are told by their operations."""
+    nodes = {name: [(operation, "") for operation in Counter(kinds).elements()] for name, kinds in counts.items()}
+    _core.check_placement(provider, nodes, model, "the model")
+
+
 @pytest.mark.parametrize("elsewhere", [{}, {"Shape": 3, "Gather": 2, "Cast": 1, "Concat": 4}], ids=["none", "shapes"])
 def test_shapes_may_stay_on_the_processor(elsewhere):
-    _core.check_placement(GPU, {GPU: {"Conv": 22, "Add": 3}, CPU: elsewhere})
+    check_placement(GPU, {GPU: {"Conv": 22, "Add": 3}, CPU: elsewhere})
 
 
 @pytest.mark.parametrize(
@@ -162,16 +169,79 @@ def test_shapes_may_stay_on_the_processor(elsewhere):
 )
 def test_all_other_operations_may_not(elsewhere, said):
     with pytest.raises(errors.ProviderUnavailable, match=said):
-        _core.check_placement(GPU, {GPU: {"Conv": 20}, CPU: elsewhere})
+        check_placement(GPU, {GPU: {"Conv": 20}, CPU: elsewhere})
 
 
 def test_a_library_for_the_processor_may_leave_it_all_but_the_heavy_operations():
     xnnpack = _core.full_provider_name("xnnpack")
-    _core.check_placement(xnnpack, {xnnpack: {"Conv": 20}, CPU: {"Resize": 1, "Exp": 3}})
+    check_placement(xnnpack, {xnnpack: {"Conv": 20}, CPU: {"Resize": 1, "Exp": 3}})
     with pytest.raises(errors.ProviderUnavailable, match="1 MatMul"):
-        _core.check_placement(xnnpack, {xnnpack: {"Conv": 20}, CPU: {"Resize": 1, "MatMul": 1}})
+        check_placement(xnnpack, {xnnpack: {"Conv": 20}, CPU: {"Resize": 1, "MatMul": 1}})
     with pytest.raises(errors.ProviderUnavailable, match="none of its operations"):
-        _core.check_placement(xnnpack, {CPU: {"Resize": 1}})
+        check_placement(xnnpack, {CPU: {"Resize": 1}})
+
+
+# A model that shifts the left picture by its right neighbour's value, and adds a column number.
+ARITHMETIC = """
+<ir_version: 10, opset_import: ["" : 18]>
+example (uint8[1, 3, H, W] left, uint8[1, 3, H, W] right) => (float[1, 3, H, W] disparity)
+<float half = {0.5}, float least = {0.0}, int64 one = {1}>
+{
+    [read] floats = Cast<to = 1>(left)
+    [scale] scaled = Mul(floats, half)
+    [clip] clipped = Max(scaled, least)
+    [index] column = Cast<to = 7>(clipped)
+    [next] beside = Add(column, one)
+    [shown] gathered = GatherElements<axis = 3>(floats, beside)
+    [sides] shape = Shape(left)
+    [rows] row = Cast<to = 1>(shape)
+    [middle] centre = Mul(row, half)
+    [above] larger = Greater(scaled, least)
+    [chosen] kept = Where(larger, gathered, scaled)
+    [sum] disparity = Add(kept, scaled)
+}
+"""
+
+
+def arithmetic() -> tuple[bytes, dict[str, tuple[str, str]]]:
+    """The model's bytes, and operation and name of each node."""
+    model = onnx.parser.parse_model(ARITHMETIC)
+    return model.SerializeToString(), {node.name: (node.op_type, node.name) for node in model.graph.node}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("read",),
+        ("clip", "index", "next"),
+        ("sides", "rows", "middle"),
+        ("above",),
+    ],
+    ids="+".join,
+)
+def test_reading_indices_and_shapes_may_stay_on_the_processor(names):
+    model, nodes = arithmetic()
+    _core.check_placement(GPU, {GPU: [("Conv", "c")], CPU: [nodes[name] for name in names]}, model, "the model")
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("scale",), "got 1 Mul on CPU"),
+        (("read", "scale", "index", "next"), "got 1 Mul on CPU"),
+        (("sum", "chosen"), "got 1 Add, 1 Where on CPU"),
+    ],
+    ids=["alone", "before an index", "output"],
+)
+def test_floats_of_pictures_may_not(names, said):
+    model, nodes = arithmetic()
+    with pytest.raises(errors.ProviderUnavailable, match=said):
+        _core.check_placement(GPU, {GPU: [("Conv", "c")], CPU: [nodes[name] for name in names]}, model, "the model")
+
+
+def test_a_file_that_is_no_model_has_no_placement():
+    with pytest.raises(errors.ModelUnreadable, match="the model must be an ONNX file"):
+        _core.check_placement(GPU, {GPU: [("Conv", "c")], CPU: [("Add", "a")]}, b"\x0b", "the model")
 
 
 @pytest.mark.parametrize(

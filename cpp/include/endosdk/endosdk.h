@@ -432,8 +432,8 @@ ENDO_API void endo_stream_close(endo_stream *stream);
 
 /* ---- Operation ---- */
 
-/* Send a built-in pair of known depth the whole way of a frame, twice: rectification, the loaded model, every map. At least
-   half of it must be right to a pixel of disparity, the maps must agree, and both answers must be the same bytes. */
+/* Send built-in pairs the whole way of a frame: a plane of known depth, twice, to a pixel, with maps that agree and the same
+   bytes again; then, for a shipped model, bands of several depths, whose answer must be that of its release, to 0.2 px. */
 ENDO_API endo_status endo_self_test(endo_estimator *estimator);
 
 /* Write versions, hashes, settings, frame counts and latencies as JSON into buffer, and the size it needs, with the

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "frame_path/network_size.hpp"
-#include "frame_path/self_test.hpp"
 #include "frame_path/stream.hpp"
 #include "frame_path/working_distance.hpp"
 #include "platform/errors.hpp"
@@ -97,8 +96,8 @@ double FramePath::network_reach(Size frame) const {
 }
 
 Size FramePath::usual_size() const {
-  constexpr Size small = {320, 256};
-  return settings_.network.value_or(small);
+  // The self test needs a session for this size anyway.
+  return settings_.network.value_or(golden_picture);
 }
 
 double FramePath::nearest_depth_mm() const { return nearest_depth_mm(calibration().get()); }
@@ -315,7 +314,22 @@ void FramePath::self_test() {
   work.check();
   const LoopThreads threads(settings_.threads, settings_.thread_hook);
   const Size picture = slot_ ? slot_->stage().picture() : usual_size();
-  run_self_test(sessions_.of(picture), picture, work);
+  check_answer_to_plane(sessions_.of(picture), picture, work);
+  const GoldenAnswer* const golden = golden_answer(model_.sha256);
+  if (golden != nullptr) {
+    check_golden_answer(sessions_.of(golden_picture), *golden, work);
+  } else if (picture != golden_picture) {
+    check_answer_to_plane(sessions_.of(golden_picture), golden_picture, work);
+  }
+}
+
+CellsOfAnswer FramePath::cells_of_answer() {
+  process_.check();
+  Work work(cancelling_);
+  const std::lock_guard lock(calls_);
+  check_open();
+  const LoopThreads threads(settings_.threads, settings_.thread_hook);
+  return endosdk::cells_of_answer(sessions_.of(golden_picture), work);
 }
 
 void FramePath::close() {

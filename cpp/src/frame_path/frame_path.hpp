@@ -12,6 +12,7 @@
 #include "frame_path/cancelling.hpp"
 #include "frame_path/counters.hpp"
 #include "frame_path/rig_watch.hpp"
+#include "frame_path/self_test.hpp"
 #include "frame_path/sessions.hpp"
 #include "frame_path/settings.hpp"
 #include "frame_path/slot.hpp"
@@ -60,7 +61,12 @@ class FramePath : public std::enable_shared_from_this<FramePath> {
     process_.check();
     cancelling_.cancel_all();
   }
+
+  // Checks the answers to built-in pairs: to a plane at the size of the frames and, of a shipped model, to the golden one.
   void self_test();
+
+  // From which the golden answers are written.
+  CellsOfAnswer cells_of_answer();
 
   // The process it was made in. Every call in a forked child is refused, before it could wait for ever.
   const OwnProcess& process() const { return process_; }

@@ -1,5 +1,8 @@
 #include "frame_path/known_pair.hpp"
 
+#include <algorithm>
+#include <utility>
+
 namespace endosdk {
 namespace {
 
@@ -28,20 +31,47 @@ int blotch(int x, int y, int cell, int channel) {
   return (upper * (cell - v) + lower * v) / (cell * cell);
 }
 
-// A picture of a plane that faces the cameras, with a texture like tissue: blotches over fine grain. Its first pixel shows
-// point (first_x, first_y) of the plane.
-std::vector<uint8_t> picture_of_plane(Size size, int first_x, int first_y) {
+// The colour of a surface: what is added to its texture, and the texture's contrast in 256ths.
+struct Paint {
+  int base[3];
+  int contrast;
+};
+
+constexpr Paint tissue = {{60, 20, 20}, 40};
+
+// A picture of surfaces that face the cameras, with a texture like tissue: blotches over fine grain. Its first row shows row
+// `first_row` of the surfaces. `shift_of(row)` is the place of the first column there, and `paint_of(column)` the paint.
+template <typename ShiftOf, typename PaintOf>
+std::vector<uint8_t> picture_of(Size size, int first_row, const ShiftOf& shift_of, const PaintOf& paint_of) {
   std::vector<uint8_t> pixels;
   pixels.reserve(rgb_bytes(size));
-  for (int y = first_y; y < first_y + size.height; ++y) {
-    for (int x = first_x; x < first_x + size.width; ++x) {
+  for (int y = first_row; y < first_row + size.height; ++y) {
+    const int first = shift_of(y);
+    for (int x = first; x < first + size.width; ++x) {
+      const Paint& paint = paint_of(x);
       for (int channel = 0; channel < 3; ++channel) {
         const int value = 2 * blotch(x, y, 4, channel) + blotch(x, y, 11, channel) + blotch(x, y, 41, channel);
-        pixels.push_back(static_cast<uint8_t>((channel == 0 ? 60 : 20) + value * 40 / 256));
+        pixels.push_back(static_cast<uint8_t>(paint.base[channel] + value * paint.contrast / 256));
       }
     }
   }
   return pixels;
+}
+
+std::vector<uint8_t> picture_of_plane(Size size, int first_row, int shift) {
+  return picture_of(size, first_row, [&](int) { return shift; }, [](int) -> const Paint& { return tissue; });
+}
+
+// Bands of equal height, from the far one at the top to the near one at the bottom, in stripes of unlike colour and contrast.
+std::vector<uint8_t> picture_of_bands(Size size, int first_row, int far_px, int near_px) {
+  constexpr int bands = 8;
+  constexpr int stripe_px = 64;
+  static constexpr Paint paints[] = {tissue, {{100, 60, 50}, 20}, {{10, 10, 15}, 60}, {{90, 100, 60}, 30}};
+  const auto shift_of = [&](int row) {
+    const int band = std::min(bands - 1, row * bands / (size.height + rows_off));
+    return far_px + (near_px - far_px) * band / (bands - 1);
+  };
+  return picture_of(size, first_row, shift_of, [](int column) -> const Paint& { return paints[column / stripe_px % 4]; });
 }
 
 // Both cameras look straight ahead. Their focal length is the width.
@@ -68,13 +98,20 @@ ImageView view_of(const std::vector<uint8_t>& pixels, Size size) {
 
 }  // namespace
 
-KnownPair::KnownPair(Size size, int shift)
-    : rig_(rig_for(size)),
-      depth_mm_(size.width * baseline_mm / shift),
-      left_(picture_of_plane(size, 0, rows_off)),
-      right_(picture_of_plane(size, shift, 0)) {}
+KnownPair KnownPair::plane(Size size, int shift) {
+  return {size, picture_of_plane(size, rows_off, 0), picture_of_plane(size, 0, shift)};
+}
+
+KnownPair KnownPair::bands(Size size, int far_px, int near_px) {
+  return {size, picture_of_bands(size, rows_off, 0, 0), picture_of_bands(size, 0, far_px, near_px)};
+}
+
+KnownPair::KnownPair(Size size, std::vector<uint8_t> left, std::vector<uint8_t> right)
+    : rig_(rig_for(size)), left_(std::move(left)), right_(std::move(right)) {}
 
 FramePair KnownPair::frames() const { return {view_of(left_, size()), view_of(right_, size()), ChannelOrder::rgb}; }
+
+double KnownPair::depth_mm(double shift) const { return size().width * baseline_mm / shift; }
 
 double KnownPair::disparity_px(double depth_mm) const {
   const RectifiedGeometry& g = rig_.geometry();

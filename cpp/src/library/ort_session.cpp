@@ -198,7 +198,7 @@ void OrtStereoSession::open() {
   if (sides_) check_provider(status);
   else runtime_->check(status, ENDO_MODEL_UNREADABLE, "model", Text(file_->origin, " must be an ONNX file that runs here"));
   session_.reset(session);
-  if (sides_) check_placement(facts_.provider, placement);
+  if (sides_) check_placement(facts_.provider, placement, {file_->data.data(), file_->data.size()}, file_->origin);
 }
 
 void OrtStereoSession::check_provider(OrtStatus* status) const {

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <set>
 
+#include "model/picture_floats.hpp"
 #include "model/providers.hpp"
 #include "platform/errors.hpp"
 #include "platform/lists.hpp"
@@ -18,8 +20,12 @@ constexpr std::string_view shape_operations[] = {
     "ReduceProd", "ScatterND",
 };
 
-bool is_shape_operation(std::string_view operation) {
-  return std::find(std::begin(shape_operations), std::end(shape_operations), operation) != std::end(shape_operations);
+// WebGPU has none of these, which keep the columns that a model looks at within the picture.
+constexpr std::string_view limits_of_columns[] = {"Max", "Min"};
+
+template <size_t count>
+bool is_one_of(std::string_view operation, const std::string_view (&list)[count]) {
+  return std::find(std::begin(list), std::end(list), operation) != std::end(list);
 }
 
 // The fused and 8-bit variants of heavy operations have these words in their names, too.
@@ -38,20 +44,28 @@ std::string_view between(std::string_view text, std::string_view begin, std::str
 
 }  // namespace
 
-void check_placement(const std::string& provider, const Placement& placement) {
-  const Text rule(provider, " must compute this model, but for the arithmetic of shapes");
+void check_placement(const std::string& provider, const Placement& placement, std::string_view model,
+                     const std::string& origin) {
+  const Text rule(provider, " must compute this model, but for the arithmetic of shapes and indices");
   const auto own = placement.find(provider);
   const bool takes_part = own != placement.end() && !own->second.empty();
   require(takes_part, ENDO_PROVIDER_UNAVAILABLE, "provider", rule, "none of its operations there");
   const bool shares = shares_processor(provider);
+  const std::set<std::string> of_pictures = nodes_with_picture_floats(model, origin);
+  const auto may_stay = [&](const PlacedNode& node) {
+    if (shares) return !is_heavy(node.operation);
+    if (of_pictures.count(node.name) != 0) return is_one_of(node.operation, limits_of_columns);
+    return is_one_of(node.operation, shape_operations);
+  };
   std::string elsewhere;
-  for (const auto& [other, operations] : placement) {
+  for (const auto& [other, nodes] : placement) {
     if (other == provider) continue;
-    std::string listed;
-    for (const auto& [operation, count] : operations) {
-      const bool may_stay = shares ? !is_heavy(operation) : is_shape_operation(operation);
-      if (!may_stay) append_item(listed, std::to_string(count) + " " + operation);
+    std::map<std::string, int> counts;
+    for (const PlacedNode& node : nodes) {
+      if (!may_stay(node)) ++counts[node.operation];
     }
+    std::string listed;
+    for (const auto& [operation, count] : counts) append_item(listed, std::to_string(count) + " " + operation);
     if (!listed.empty()) append_item(elsewhere, listed + " on " + other, "; ");
   }
   require(elsewhere.empty(), ENDO_PROVIDER_UNAVAILABLE, "provider", rule, elsewhere);
@@ -67,12 +81,12 @@ void PlacementLog::read(std::string_view line) {
     expected_ = 0;
     std::from_chars(count.data(), count.data() + count.size(), expected_);
     if (line.find("All nodes") == std::string_view::npos) return;
-    (*current_)["operation"] += expected_;
+    current_->insert(current_->end(), expected_, {"operation", ""});
     expected_ = 0;
   } else if (expected_ > 0) {
     const size_t begin = line.find_first_not_of(' ');
     if (begin == std::string_view::npos) return;
-    ++(*current_)[std::string(line.substr(begin, line.find(' ', begin) - begin))];
+    current_->push_back({std::string(line.substr(begin, line.find(' ', begin) - begin)), std::string(between(line, "(", ")"))});
     --expected_;
   }
 }

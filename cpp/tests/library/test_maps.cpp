@@ -61,6 +61,67 @@ void surfaces_beyond_the_range_are_out_of_range(const Places& at) {
   CHECK(share(31) > 0.4);  // the tiny model's last disparity
 }
 
+// A plane with a nearer surface, glare, a part without texture and a dark rim, as the left or the right camera sees it.
+std::vector<uint8_t> view_with_everything(int w, int h, bool right) {
+  const int far_px = right ? 9 : 0;
+  const int near_px = right ? 24 : 0;
+  std::vector<uint8_t> view = plane(w, h, far_px);
+  const std::vector<uint8_t> nearer = plane(w, h, near_px + 1000);
+  for (int y = 0; y < h; ++y) {
+    for (int x = 0; x < w; ++x) {
+      const auto within = [&](int left, int top, int wide, int high) {
+        return x >= left && x < left + wide && y >= top && y < top + high;
+      };
+      const size_t first = static_cast<size_t>(3 * (y * w + x));
+      const auto fill = [&](uint8_t value) { std::fill_n(view.begin() + static_cast<ptrdiff_t>(first), 3, value); };
+      if (within(150 - near_px, 80, 80, 70)) std::copy_n(nearer.begin() + static_cast<ptrdiff_t>(first), 3, view.begin() + static_cast<ptrdiff_t>(first));
+      if (within(90 - far_px, 40, 30, 30)) fill(255);
+      if (within(100 - far_px, 160, 40, 40)) fill(90);
+      if (std::hypot(x - w / 2, y - h / 2) > 150.0) fill(6);
+    }
+  }
+  return view;
+}
+
+void every_pixel_without_depth_has_a_reason_and_every_frame_a_status(const Places& at) {
+  constexpr int w = 320;
+  constexpr int h = 240;
+  constexpr size_t count = size_t{w} * h;
+  const Opened estimator(at);
+  endo_calibration rig = raw_rig(w, h);
+  remove_distortion(rig);
+  rig.translation[1] = 0.0;
+  CHECK(endo_set_calibration(estimator.get(), &rig) == ENDO_OK);
+  Output out(count, true);
+  const auto reasons_of = [&](const Pair& pair) {
+    CHECK(estimator.predict(pair, out) == ENDO_OK);
+    int seen = 0;
+    size_t valid = 0;
+    for (size_t i = 0; i < count; ++i) {
+      const bool has_depth = std::isfinite(out.depth[i]);
+      CHECK(has_depth == (out.reasons[i] == 0) && std::isfinite(out.sigma[i]) == has_depth);
+      CHECK(has_depth || (std::isnan(out.depth[i]) && out.disparity_u16[i] == 0 && out.depth_u16[i] == 0));
+      seen |= out.reasons[i];
+      valid += has_depth ? 1 : 0;
+    }
+    CHECK(out.result.valid_share == static_cast<double>(valid) / static_cast<double>(count));
+    return seen;
+  };
+  Pair pair(w, h, 9);
+  pair.left = view_with_everything(w, h, false);
+  pair.right = view_with_everything(w, h, true);
+  int every = 0;
+#define ADD(name, bit, meaning) every |= (bit);
+  ENDO_REASONS(ADD)
+#undef ADD
+  CHECK(reasons_of(pair) == every);  // each of them, and no other bit
+  CHECK(out.result.valid_share > 0.5 && out.result.quality == ENDO_QUALITY_OK && out.result.causes == 0);
+
+  std::fill(pair.right.begin(), pair.right.end(), uint8_t{0});
+  CHECK(reasons_of(pair) != 0);
+  CHECK(out.result.valid_share == 0.0 && out.result.quality == ENDO_QUALITY_INVALID && out.result.causes != 0);
+}
+
 // What a device sees when a camera fails: the frame must not pass for a good one.
 void views_that_do_not_belong_together_are_invalid(const Places& at) {
   struct Lines {
@@ -211,6 +272,7 @@ int main(int argc, char** argv) {
   finds_the_disparity_of_a_plane(at);
   a_rig_gives_depth(at);
   surfaces_beyond_the_range_are_out_of_range(at);
+  every_pixel_without_depth_has_a_reason_and_every_frame_a_status(at);
   views_that_do_not_belong_together_are_invalid(at);
   every_layout_of_a_frame_gives_the_same(at);
   the_rectified_pair_can_be_seen(at);

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <thread>
 #include <utility>
 
@@ -44,6 +45,14 @@ std::vector<Pair> some_pairs(int count) {
   return pairs;
 }
 
+std::string report_of(const Opened& estimator) {
+  size_t needed = 0;
+  CHECK(endo_get_diagnostics(estimator.get(), nullptr, 0, &needed) == ENDO_OK);
+  std::string report(needed, '\0');
+  CHECK(endo_get_diagnostics(estimator.get(), report.data(), report.size(), nullptr) == ENDO_OK);
+  return report;
+}
+
 void a_stream_gives_what_predict_gives_in_order(const Places& at, int threads) {
   constexpr int count = 12;
   const Opened estimator(at, with_threads(at, threads));
@@ -81,8 +90,10 @@ void a_stream_gives_what_predict_gives_in_order(const Places& at, int threads) {
   source.join();
   Output more(pixels, true);
   expect(stream.submit(pairs[0], more.result), ENDO_INVALID_ARGUMENT, "ended");
-  CHECK(more.result.quality == ENDO_QUALITY_INVALID && std::isnan(more.depth[3]));
+  CHECK(more.result.quality == ENDO_QUALITY_INVALID && std::isnan(more.depth[3]) && more.result.frame == 0);
   CHECK(estimator.predict(pairs[0], more) == ENDO_OK && more.disparity == wanted[0].disparity);
+  CHECK(more.result.frame == 2 * count + 1);  // the one that was refused has no number
+  CHECK(report_of(estimator).find("\"frames\":25,\"failed\":0,") != std::string::npos);
 }
 
 void one_thread_can_do_both_ends(const Places& at) {

@@ -7,7 +7,7 @@ import importlib.metadata
 import sys
 import threading
 import warnings
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any
 
@@ -161,7 +161,7 @@ class StereoSession:
         session = self._started(options, self.provider, self.provider_options, ProviderUnavailable, "provider", rule)
         if session.get_providers()[0] != self.provider:
             raise ProviderUnavailable("provider", rule, ", ".join(session.get_providers()))
-        _core.check_placement(self.provider, _placement(session))
+        _core.check_placement(self.provider, _placed_nodes(session), self._model.data, self._model.origin)
         return session
 
     def _started(
@@ -188,9 +188,9 @@ class StereoSession:
             except Exception as error:  # the runtime has a type for each status code, and they have no common base
                 raise _kind_of(error, failure)(argument, rule, error) from error
 
-    def placement(self) -> dict[str, dict[str, int]]:
-        """Return how many operations of each kind run on each provider; of a session for one size."""
-        return _placement(self._session)
+    def placed_nodes(self) -> dict[str, list[tuple[str, str]]]:
+        """Return operation and name of the nodes that run on each provider; of a session for one size."""
+        return _placed_nodes(self._session)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -283,12 +283,12 @@ def _check_for_conflict() -> None:
             raise RuntimeConflict("onnxruntime", rule, " and ".join(names))
 
 
-def _placement(session: Any) -> dict[str, dict[str, int]]:
-    """Return how many operations of each kind run on each provider."""
-    placement: dict[str, Counter[str]] = defaultdict(Counter)
+def _placed_nodes(session: Any) -> dict[str, list[tuple[str, str]]]:
+    """Return operation and name of the nodes on each provider."""
+    nodes: dict[str, list[tuple[str, str]]] = defaultdict(list)
     for part in session.get_provider_graph_assignment_info():
-        placement[part.ep_name].update(node.op_type for node in part.get_nodes())
-    return {provider: dict(operations) for provider, operations in placement.items()}
+        nodes[part.ep_name] += [(node.op_type, node.name) for node in part.get_nodes()]
+    return dict(nodes)
 
 
 def _session_options(runtime: Any, threads: int, spinning: bool) -> Any:
