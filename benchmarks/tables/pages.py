@@ -44,6 +44,7 @@ from benchmarks.tables.trust import (
     fault_naming_table,
     min_confidence_table,
     reasons_table,
+    trust_sets_table,
     trust_table,
 )
 from benchmarks.tables.video import measuring_table, temporal_table
@@ -102,6 +103,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "measuring": measuring_table,
     "spoilt-files": spoilt_files_table,
     "temporal": temporal_table,
+    "trust-sets": trust_sets_table,
     "upsampling": upsampling_table,
     "versions": versions_table,
 }

@@ -15,6 +15,12 @@ from endosdk import _core
 # Kinds of pairs, as a record and as a page name them.
 PAIRS = {"clean": "clean", "further": "further clean", "spoilt": "degraded"}
 TRUST_PAGE = ("fast", "accurate")  # models of which the page of trust has all cases
+# Sets of pairs by the names of their records, as the page calls them.
+TRUST_SETS = {
+    "trust": "path-traced",
+    "trust_lap": "surgery with image faults, `endosim-lap`",
+    "trust_middlebury": "real scenes, Middlebury",
+}
 CARD_CASES = ("clean", "noise of 12 grey levels", "JPEG of quality 20")
 
 
@@ -66,6 +72,25 @@ def min_confidence_table() -> str:
 def _usable_cases(record: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what a record of trust says of pairs without a fault, the clean ones first."""
     return [found for found in record["cases"].values() if "named" not in found]
+
+
+def trust_sets_table() -> str:
+    """How far `fast` and `accurate` can be trusted on each set: clean, and as the median over poor images."""
+    rows = []
+    for name, said in TRUST_SETS.items():
+        for model, record in records.read(f"accuracy/{name}")["models"].items():
+            if model not in TRUST_PAGE:
+                continue
+            clean, *poor = _usable_cases(record)
+            for pairs, some in (("as they are", [clean]), ("with poor images", poor)):
+                of_wrong = (
+                    _percent(median(one[key] for one in some))
+                    for key in ("right_called_valid", "wrong_called_valid", "wrong_of_valid", "confidence_ece")
+                )
+                label = records.marked(f"{said}, {pairs}", record["model_sha256"])
+                rows.append([label, model, *of_wrong, f"{median(one['ause'] for one in some):.2f}"])
+    heads = ["pairs", "model", "right pixels valid", "wrong pixels valid", "valid pixels that are wrong"]
+    return table([*heads, "confidence is off by", "AUSE"], rows)
 
 
 def fault_naming_table() -> str:

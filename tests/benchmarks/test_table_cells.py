@@ -376,6 +376,24 @@ def test_trust_on_a_card(given):
     ]
 
 
+def test_trust_on_each_set(given):
+    def case(number, **more):
+        return {
+            **{key: number / 100 for key in ("right_called_valid", "wrong_called_valid", "wrong_of_valid")},
+            **{"confidence_ece": number / 1000, "ause": number / 10, "status": {"OK": 1}, **more},
+        }
+
+    cases = {"clean": case(1), "noise": case(2), "JPEG": case(4), "fog": case(6), "swapped": case(9, named=1.0)}
+    models = {"fast": {"model_sha256": "abc", "cases": cases}, "fast-320": {"model_sha256": "abc", "cases": cases}}
+    given({f"accuracy/{name}": {"models": models} for name in trust.TRUST_SETS})
+    found = [line.split(" | ") for line in trust.trust_sets_table().splitlines() if line.startswith("|")][2:]
+    assert len(found) == 2 * len(trust.TRUST_SETS) and {line[1] for line in found} == {"fast"}
+    assert [line[2:] for line in found[:2]] == [
+        ["1.0 %", "1.0 %", "1.0 %", "0.1 %", "0.10 |"],
+        ["4.0 %", "4.0 %", "4.0 %", "0.4 %", "0.40 |"],
+    ]
+
+
 def test_trust_with_another_min_confidence(given):
     def case(number, **more):
         of = {
