@@ -1,5 +1,6 @@
 """The bench of trust runs, spoils what it says it spoils, and counts what it says it counts."""
 
+import re
 from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,8 +10,10 @@ import pytest
 
 from benchmarks.accuracy.trust import Tally, measure
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case, next_scene
+from benchmarks.tables import records, trust
 from endosdk import Cause, DepthEstimator, Reason, Status, StereoCalibration
 from endosdk.datasets.dataset import Sample
+from tests.benchmarks.test_table_cells import columns
 from tests.conftest import TINY_MODEL, shifted_pair
 
 DISPARITY = 9.0
@@ -229,3 +232,51 @@ def test_shares_are_of_what_their_names_say():
         "sigma_ece_mm": None,
     }
     assert tally.result(FAULTY) == plain | {"expected": ["COVERED", "DIM"], "named": 0.25}
+
+
+@pytest.fixture
+def given(monkeypatch):
+    """Tables read the records that a test gives, and no others."""
+    monkeypatch.setattr(records, "shipped", lambda: {"abc"})
+    return lambda found: monkeypatch.setattr(records, "read", found.__getitem__)
+
+
+def test_sigma_of_a_fault_stands_where_a_frame_can_be_used(given):
+    shares = {"right_called_valid": 0.011, "wrong_called_valid": 0.012, "wrong_of_valid": 0.013, "within_sigma": 0.014}
+    moved = {**shares, "status": {"DEGRADED": 1, "INVALID": 8}, "named": 1.0}
+    cases = {"moved": moved, "covered": {**moved, "status": {"INVALID": 9}}}
+    given({"accuracy/trust": {"models": {"fast": {"model_sha256": "abc", "cases": cases}}}})
+    found = {head: cells for head, *cells in columns(trust.trust_table("fast"))}
+    assert found["error within sigma"] == ["1.4 %", ""]
+    assert found["right pixels valid"] == ["", ""] and found["cause named"] == ["100.0 %"] * 2
+
+
+def test_faults_in_some_pairs_of_a_set_that_set_no_limit(given):
+    """Of these pairs, all tell how often a frame without a fault is not OK."""
+    covered = {"frames": 9, "named": 8, "sets": {"one": {"frames": 5, "named": 4}, "more": {"frames": 4, "named": 3}}}
+    record = {
+        "model_sha256": "abc",
+        "datasets": {"one": {"pairs": "clean"}, "more": {"pairs": "further"}},
+        "without_fault": {"one": {"frames": 5, "status": {"OK": 4, "DEGRADED": 1}}},
+        "further": {"more": {"frames": 20, "status": {"OK": 18, "INVALID": 2}}},
+        "faults": {"covered": covered},
+    }
+    given({"accuracy/fault_naming": record})
+    assert columns(trust.fault_naming_table()) == [
+        ("fault", "none: frames that are not OK", "covered"),
+        ("of 5 clean pairs", "1", "4"),
+        ("of 4 further clean pairs", "2 of 20", "3"),
+    ]
+
+
+def test_the_page_says_how_often_compression_looks_like_a_moved_rig():
+    page = re.sub(r"\s+", " ", (records.SOURCES / "docs" / "trust.md").read_text())
+    stated = re.search(r"(\d+) of the (\d+) pairs of surgery raise RIG_MOVED. As they are, (\d+) do", page)
+    cases = records.read("accuracy/trust_lap")["models"]["fast"]["cases"]
+    packed, plain = (cases[name] for name in ("JPEG of quality 20", "clean"))
+    assert stated, "the sentence is gone"
+    assert [int(n) for n in stated.groups()] == [
+        packed["causes"]["RIG_MOVED"],
+        packed["pairs"],
+        plain["causes"]["RIG_MOVED"],
+    ]
