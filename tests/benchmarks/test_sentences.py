@@ -170,6 +170,12 @@ def cost_of_trust():
     return whole_percent(min(shares)), whole_percent(max(shares))
 
 
+def noticed_flips():
+    found = read("studies/flipped_bits")["fast"]
+    harmful = str(found["harmful"])
+    return str(found["noticed"]), harmful, str(found["noticed_as_other_model"]), harmful
+
+
 GAIN = r"(\d\.\d) times as fast, (\d\.\d) times in a stream"
 SENTENCES = [
     ("README.md", GAIN, gains_of_fast_320),
@@ -190,6 +196,11 @@ SENTENCES = [
         "docs/limits.md",
         r"(\S+) of (\S+) frames missed a deadline of 50 ms and were marked\. Another (\S+) were late",
         late_frames_of_the_soak,
+    ),
+    (
+        "docs/hardening.md",
+        r"found (\S+) of (\S+) harmful flips of `fast`\..* alone finds (\S+) of the (\S+) flips of `fast`",
+        noticed_flips,
     ),
     ("docs/train.md", r"measured fine-tuning of `fast` with a learning rate of (\S+),", fine_tuning_rate),
     (
