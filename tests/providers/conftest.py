@@ -18,11 +18,12 @@ class Accelerator:
     name: str
     options: dict[str, str]
     tolerance_px: float = 1e-3
+    software: bool = False  # takes seconds for a frame
 
 
 ACCELERATORS = {
     "openvino": Accelerator("openvino", {"device_type": "CPU"}),
-    "webgpu": Accelerator("webgpu", {"dawnBackendType": "Vulkan"}),
+    "webgpu": Accelerator("webgpu", {"dawnBackendType": "Vulkan"}, software=True),
 }
 
 
