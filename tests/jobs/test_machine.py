@@ -11,13 +11,13 @@ from endosdk.jobs.machine import instructions
 def test_peak_memory_counts_what_a_process_has_had():
     code = (
         "from endosdk.jobs.machine import peak_memory_mb as peak\n"
-        "before = peak(); block = b'x' * (int(before * 2**20) + (200 << 20))\n"  # more than ever before
-        "print(before, peak())"
+        "before = peak(); block = b'x' * (200 << 20); print(before, peak())"
     )
+    block = b"x" * (400 << 20)  # what the parent has does not count
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     before, after = map(float, done.stdout.split())
-    assert 10 < before < 100_000
-    assert after > before + 150
+    assert 10 < before < 300 < len(block) / 2**20
+    assert before + 190 < after < before + 250
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells its processor's instructions in /proc/cpuinfo")

@@ -253,8 +253,9 @@ def test_no_pair_that_was_trained_on_is_scored_as_a_test(tmp_path, monkeypatch):
 
 
 def test_a_polite_kill_leaves_a_run_to_resume(dataset_root, tmp_path, monkeypatch, capsys):
-    def killed(self, *_):
+    def killed(*_):
         signal.raise_signal(signal.SIGTERM)
+        return {}
 
     monkeypatch.setattr("endosdk.training.train.Run._train_step", killed)
     run = tmp_path / "my run"
