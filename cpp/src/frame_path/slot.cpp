@@ -1,9 +1,11 @@
 #include "frame_path/slot.hpp"
 
+#include <array>
 #include <cmath>
 
 #include "images/interlacing.hpp"
 #include "images/same_view.hpp"
+#include "platform/threads.hpp"
 
 namespace endosdk {
 namespace {
@@ -15,6 +17,19 @@ PosePattern pattern_of(const Rig* rig, Size frame, double right_shift) {
   if (rig == nullptr) return {1.0 * frame.width, 1.0 * frame.width, 0.5 * (frame.width - 1), 0.5 * (frame.height - 1), 0.0, false};
   const RectifiedGeometry& g = rig->geometry();
   return {g.focal_px(), g.focal_y_px(), g.cx(), g.cy(), g.doffs() - right_shift, true};
+}
+
+// What is read of each frame alone. Most of the time is spent waiting for memory, so both are read at once.
+void read_each(const FramePair& pair, FrameReport& report) {
+  const std::array frames = {&pair.left, &pair.right};
+  std::array<double, frames.size()> combed{};
+  parallel_for(static_cast<int>(frames.size()), 1, [&](int begin, int end, int) {
+    for (auto i = static_cast<size_t>(begin); i < static_cast<size_t>(end); ++i) {
+      combed[i] = combed_share(*frames[i]);
+      report.prints[i] = print_of(*frames[i]);
+    }
+  });
+  report.causes.set(Cause::interlaced, std::fmax(combed[0], combed[1]));
 }
 
 }  // namespace
@@ -36,8 +51,7 @@ void Slot::rectify(const FramePair& pair, FrameReport& report) {
   report.causes.set(Cause::same_view_twice, apart.textured);
   rest_apart_ = apart.rest;
   equal_.compare(pair.left, pair.right);
-  report.causes.set(Cause::interlaced, std::fmax(combed_share(pair.left), combed_share(pair.right)));
-  report.prints = {print_of(pair.left), print_of(pair.right)};
+  read_each(pair, report);
   report.corrected = stage_->corrected();
   const Clock::time_point ended = Clock::now();
   report.trust_ms = milliseconds(rectified, ended);

@@ -10,7 +10,7 @@
 namespace endosdk::ENDOSDK_ISA {
 namespace {
 
-constexpr int chunk = 128;
+constexpr int chunk = 256;
 constexpr int lead = 2 * chunk;  // pixels by which memory is prefetched
 constexpr float infinity = __builtin_inff();
 

@@ -64,14 +64,17 @@ struct RigSigmaRow {
   float per_fourth;
 };
 
+// Output pixels that a reduction computes together.
+constexpr int reduction_chunk = 64;
+
 // Reduction of interleaved rows by a whole factor, 2 to 16.
 struct Reduction {
   int factor;
   int channels;  // 1 or 3
   int width;     // of the output, pixels
 
-  // Number of 16-bit values of scratch memory for a row.
-  int scratch() const { return 2 * width * factor * channels; }
+  // Number of 16-bit values of scratch memory.
+  int scratch() const { return 2 * reduction_chunk * factor * channels; }
 };
 
 // Number of cells along each axis from which a pixel's disparity is upsampled.
