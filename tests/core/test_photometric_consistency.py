@@ -89,11 +89,11 @@ def test_equals_twin_in_a_circular_field_of_view():
         views.append(padded(np.where(inside[..., None], np.maximum(view, 40), 5).astype(np.uint8), 8))
     grid = views[0].shape[1] // stride, views[0].shape[2] // stride
     disparity = (9 + np.random.default_rng(1).normal(0, 1.2, grid)).astype(np.float32)
-    confidence = np.ones_like(disparity)
+    confidence = np.full_like(disparity, 0.7)
     expected, _ = matched_views.supported_confidence(disparity, confidence, *views, height, width)
     twin = resampling.resize_bilinear(expected, height, width, 1 / stride, 1 / stride, 1.0)
     np.testing.assert_allclose(confidence_of(disparity, confidence, *views, height, width), twin, atol=1e-3)
-    assert 0.05 < np.mean(expected < 0.5) < 0.95  # noisy disparities have edges
+    assert 0.05 < np.mean(expected < 0.5) < 0.95  # noisy disparities jump
 
 
 @every_isa
@@ -248,12 +248,26 @@ def test_wrong_disparities_lose_their_confidence_pixel_by_pixel():
     views = padded(left, 8), padded(right, 8)
     disparity = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
     disparity[40:60, 60:90] = 25
-    seen = confidence_of(disparity, np.ones_like(disparity), *views, 180, 240)
-    wrong = seen[80:120, 120:180]
-    assert np.mean(wrong > 0.5) < 0.4
+    seen = confidence_of(disparity, np.full_like(disparity, 0.999), *views, 180, 240)
+    valid = seen >= _core.default_min_confidence
+    assert np.mean(valid[80:120, 120:180]) < 0.4
     right_ones = np.ones(seen.shape, bool)
     right_ones[70:130, 110:190] = False
-    assert np.mean(seen[right_ones] > 0.5) > 0.97
+    assert np.mean(valid[right_ones]) > 0.97
+
+
+def test_a_jump_of_the_disparity_lowers_the_odds_and_a_slope_does_not():
+    frames = shifted_pair(180, 240, 9)
+    for frame in frames:
+        frame[80:] = 90  # without texture, only the disparity counts
+    views = [padded(frame, 8) for frame in frames]
+    jump = np.full((views[0].shape[1] // 2, views[0].shape[2] // 2), 9, np.float32)
+    slope = jump.copy()
+    jump[45:, 60:] = 25
+    slope[45:] += np.linspace(0, 16, jump.shape[1], dtype=np.float32)
+    of_jump, of_slope = (confidence_of(map_, np.full_like(map_, 0.8), *views, 180, 240)[130] for map_ in (jump, slope))
+    assert of_jump[120] < 0.1 < 0.95 < of_jump[60]
+    assert of_slope[16:-16].min() > 0.9
 
 
 def test_a_right_view_of_another_shape_is_refused():

@@ -241,7 +241,7 @@ def test_another_model_does_not_mix_into_a_batch(archive, settings, done):
     for change, seen in (
         ({"model": "fast-fp32"}, 'model.name "fast", not "fast-fp32"'),
         ({"network_size": (160, 120)}, "network_size null, not [160, 120]"),
-        ({"limits": Limits(0.9)}, "min_confidence 0.7, not 0.9"),
+        ({"limits": Limits(0.8)}, "min_confidence 0.9, not 0.8"),
         ({"bits": 12}, "bits null, not 12"),
     ):
         said = f"out: must be new, or a batch of the same model, rig, size, limits.*, begun with {re.escape(seen)} "

@@ -16,6 +16,8 @@ LEAST_TEXTURE = _core.cause_facts[Cause.LOW_TEXTURE]["invalid"]
 FALLING = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
 SMOOTHED = 6 / 16  # of the variance of noise, by the mask 1 2 1 of the brightness
 GLARING = 225.0  # grey level from which a cell does not count
+SUPPORTED = 0.3  # correlation from which the pictures fully support a match
+EVEN_ODDS, FALL, GENTLE, RIM_ODDS = 22.0, 10.0, 2.0, 4.0
 
 
 def placed(disparity: np.ndarray, fields: list[np.ndarray], size: tuple[int, int], unit: int) -> np.ndarray:
@@ -90,9 +92,9 @@ def gain_of_views(disparity: np.ndarray, left: np.ndarray, right: np.ndarray, he
 def correlation_of_views(
     disparity: np.ndarray, left: np.ndarray, right: np.ndarray, height: int, width: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Correlation of two views at the disparity found, what that and its edges leave, pixels per column.
+    """Correlation of two views at the disparity found, what that leaves, the factor of jumps, pixels per column.
 
-    What is left is a share of the confidence, and a factor of its odds.
+    What is left is a share of the confidence; the factor is one of its odds.
 
     The correlation is NaN where nothing can be compared.
 
@@ -120,16 +122,26 @@ def correlation_of_views(
             if max(varies) > flat:
                 together = np.average(a * b, weights=weights)
                 correlation[row, cell] = np.clip(together / np.sqrt(max(varies[0], flat) * max(varies[1], flat)), -1, 1)
-                share[row, cell] = np.clip(correlation[row, cell] / 0.4, 0, 1)
-        around = found[max(0, row - 1) : row + 2, max(0, cell - 1) : cell + 2]
-        if np.isinf(found[row, cell]):
-            share[row, cell] = 0
-            odds[row, cell] = 0.55
-        elif not np.isnan(found[row, cell]):
-            spread = np.nanmax(around) - np.nanmin(around)
-            share[row, cell] *= np.clip((4.5 - spread) / 3, 0, 1)
-            odds[row, cell] = np.clip(4.7 - 2.8 * spread, 0.55, 4.7)
+                share[row, cell] = np.clip(correlation[row, cell] / SUPPORTED, 0, 1)
+        inner, outer = (
+            _spread(found[max(0, row - reach) : row + reach + 1, max(0, cell - reach) : cell + reach + 1])
+            for reach in (1, 3)
+        )
+        if inner is not None:
+            odds[row, cell] = EVEN_ODDS * np.exp(-FALL * inner / (outer + GENTLE))
+        if np.isnan(found[max(0, row - 3) : row + 4, max(0, cell - 3) : cell + 4]).any():
+            odds[row, cell] *= RIM_ODDS
     return correlation, share, odds, unit
+
+
+def _spread(disparities: np.ndarray) -> float | None:
+    """How far disparities lie apart, columns, up to a thousand; None where none is known."""
+    known = disparities[~np.isnan(disparities)].astype(np.float64)
+    if not known.size:
+        return None
+    with np.errstate(invalid="ignore"):
+        apart = known.max() - known.min()
+    return float(apart) if apart < 1000 else 1000.0
 
 
 def supported_confidence(

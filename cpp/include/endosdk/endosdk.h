@@ -151,7 +151,7 @@ typedef struct endo_options {
     void *log_context;           /* handed to log */
     int32_t network_width;       /* size the network works at; 0: the model's inference width, see docs/c-library.md */
     int32_t network_height;      /* smaller is faster and finds larger disparities; maps keep the frames' size */
-    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.7 */
+    double min_confidence;       /* below it a pixel has no answer, 0..1; default 0.9 */
     double min_depth_mm;         /* depth outside the range is no answer; default 0 */
     double max_depth_mm;         /* default infinity */
     double depth_unit_mm;        /* one step of depth_u16; default 0.1 */

@@ -6,7 +6,7 @@
 namespace endosdk {
 
 struct Limits {
-  double min_confidence = 0.7;
+  double min_confidence = 0.9;
   double min_depth_mm = 0.0;
   double max_depth_mm = std::numeric_limits<double>::infinity();
   double depth_unit_mm = 0.1;  // one step of the 16-bit depth map

@@ -14,19 +14,18 @@ constexpr float nothing = __builtin_nanf("");
 // differently in the two views. So windows of right matches sometimes correlate badly; windows of wrong matches correlate at
 // random.
 constexpr float contradicted = 0.0f;
-constexpr float supported = 0.4f;
+constexpr float supported = 0.3f;
 
-// Change of the disparity over two cells, in columns. Less than `smooth` is a surface. From `edge` on it is an edge, where a
-// network's answer lies between the disparities of both sides.
-constexpr float smooth = 1.5f;
-constexpr float edge = 3.0f * smooth;
-
-// The factor on the odds of an answer depends on the same change of the disparity. A network makes large errors at edges. On an
-// even surface it is right far more often than its mean error says: of rendered and real pixels there with a confidence of 0.4
-// to 0.5, 57 to 98 % are right.
-constexpr float even_odds = 4.7f;
-constexpr float odds_per_column = 2.8f;
-constexpr float least_odds = 0.55f;
+// A network makes its large errors at jumps of the disparity, and few on surfaces, whatever its own confidence says of both. So
+// the odds of its answer are multiplied by a factor, which falls from `even_odds` where the disparity is even. It falls with the
+// part of the change around a cell that lies right at the cell: 0 on an even surface, a half on a slope, 1 at a jump. Changes
+// well below `gentle` columns are neither.
+constexpr float even_odds = 22.0f;
+constexpr float fall = 10.0f;  // of the logarithm of the odds, down to a jump
+constexpr float gentle = 2.0f;
+// At the rim of the field of view, networks are more often right than they say.
+constexpr float rim_odds = 4.0f;
+constexpr float far_apart = 1000.0f;  // columns: more is a jump of any size
 
 // Grey level from which a cell shows glare or its edge. Glare moves with the camera, so it lies on another place of the tissue in
 // the other view.
@@ -131,25 +130,71 @@ void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, f
   }
 }
 
-// Lowers support and odds at edges of the disparity. `around` is the row above, the row of the cells and the row below, each
-// from one cell before them on.
-void take_edges(const float* const (&around)[3], int count, float* __restrict support, float* __restrict odds) {
+// The largest and the smallest values of each column over a window's rows. NaN is left out.
+void extremes_down(const float* const* rows, int rows_of_window, int count, float* __restrict high, float* __restrict low) {
   for (int i = 0; i < count; ++i) {
-    const float centre = around[1][i + 1];
-    float nearest = centre;
-    float farthest = nearest;
-    for (int y = 0; y < 3; ++y) {
-      for (int x = 0; x < 3; ++x) {
-        const float d = around[y][i + x];
-        nearest = d > nearest ? d : nearest;
-        farthest = d < farthest ? d : farthest;
-      }
+    float most = -__builtin_inff();
+    float least = __builtin_inff();
+    for (int y = 0; y < rows_of_window; ++y) {
+      const float d = rows[y][i];
+      most = d > most ? d : most;
+      least = d < least ? d : least;
     }
-    const float spread = nearest - farthest;
-    const float whole = clamped((edge - spread) * (1.0f / (edge - smooth)), 0.0f, 1.0f);
-    const float sure = clamped(even_odds - odds_per_column * spread, least_odds, even_odds);
-    support[i] *= centre == centre ? whole : 1.0f;  // a cell that is not compared has no edge
-    odds[i] = centre == centre ? sure : 1.0f;
+    high[i] = most;
+    low[i] = least;
+  }
+}
+
+// How far the values of a window lie apart, from the extremes of its columns.
+template <int window>
+void spread_along(const float* high, const float* low, int count, float* __restrict spread) {
+  for (int i = 0; i < count; ++i) {
+    float most = high[i];
+    float least = low[i];
+    for (int x = 1; x < window; ++x) {
+      most = high[i + x] > most ? high[i + x] : most;
+      least = low[i + x] < least ? low[i + x] : least;
+    }
+    const float apart = most - least;
+    spread[i] = apart < far_apart ? apart : far_apart;
+  }
+}
+
+// Gives 1 where any cell of the window is not compared, and 0 elsewhere.
+void find_rim(const float* const (&around)[edge_window], int count, float* __restrict rim) {
+  float unknown[chunk + edge_window - 1];
+  for (int i = 0; i < count + edge_window - 1; ++i) {
+    float any = 0.0f;
+    for (int y = 0; y < edge_window; ++y) any = around[y][i] == around[y][i] ? any : 1.0f;
+    unknown[i] = any;
+  }
+  for (int i = 0; i < count; ++i) {
+    float any = unknown[i];
+    for (int x = 1; x < edge_window; ++x) any = unknown[i + x] > any ? unknown[i + x] : any;
+    rim[i] = any;
+  }
+}
+
+// Finds the factor on the odds from the disparities around the cells, see `even_odds`. `around` holds the rows around those of
+// the cells, each from edge_reach cells before them on.
+void find_odds(const float* const (&around)[edge_window], int count, float* __restrict odds) {
+  constexpr int inner_window = 3;
+  constexpr int margin = (edge_window - inner_window) / 2;
+  float high[chunk + edge_window - 1];
+  float low[chunk + edge_window - 1];
+  float inner[chunk];
+  float outer[chunk];
+  float rim_at[chunk];
+  extremes_down(around + margin, inner_window, count + edge_window - 1, high, low);
+  spread_along<inner_window>(high + margin, low + margin, count, inner);
+  extremes_down(around, edge_window, count + edge_window - 1, high, low);
+  spread_along<edge_window>(high, low, count, outer);
+  find_rim(around, count, rim_at);
+  for (int i = 0; i < count; ++i) {
+    const float jump = inner[i] / (outer[i] + gentle);
+    const float even = even_odds * (1.0f - one_minus_exp(fall * jump));
+    const float factor = inner[i] >= 0.0f ? even : 1.0f;  // negative where no cell around is compared
+    odds[i] = rim_at[i] != 0.0f ? rim_odds * factor : factor;
   }
 }
 
@@ -211,8 +256,9 @@ void correlation_row(const CorrelationRow& row) {
     float sums[correlation_sums][chunk];
     for (int p = 0; p < correlation_sums; ++p) sum_down(row.sums, static_cast<ptrdiff_t>(p) * row.cells + first, count, sums[p]);
     correlate(sums, row.left_noise, row.right_noise, count, row.correlation + first, row.support + first);
-    const float* const around[] = {row.disparity[0] + first, row.disparity[1] + first, row.disparity[2] + first};
-    take_edges(around, count, row.support + first, row.odds + first);
+    const float* around[edge_window];
+    for (int y = 0; y < edge_window; ++y) around[y] = row.disparity[y] + first;
+    find_odds(around, count, row.odds + first);
   }
 }
 

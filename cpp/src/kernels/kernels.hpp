@@ -136,16 +136,20 @@ struct MatchRow {
   float* sums;     // correlation_sums planes of `cells` values
 };
 
+// Cells on every side of a cell that decide whether it lies at a jump of the disparity.
+constexpr int edge_reach = 3;
+constexpr int edge_window = 2 * edge_reach + 1;
+
 // How well the views agree in each cell of a row.
 struct CorrelationRow {
   const float* sums[correlation_window];  // the rows of the window; zeros outside the picture
-  const float* disparity[3];              // the row above, this row and the row below, each with one more cell at both ends
+  const float* disparity[edge_window];    // this row and those around it, each with edge_reach more cells at both ends
   int cells;
   float left_noise;  // variance
   float right_noise;
   float* correlation;  // correlation without the noise, -1..1; NaN where nothing can be compared
   float* support;      // share of the network's confidence that the pictures leave, 0..1
-  float* odds;         // factor on the odds of an answer: above 1 where the disparity is even, below 1 at edges
+  float* odds;         // factor on the odds of an answer: above 1 where the disparity is even, below 1 at jumps
 };
 
 // One row of the network's confidence, and the confidences that follow from it and the pictures.

@@ -177,7 +177,7 @@ void MatchedViews::correlate() {
         const int from = y + w - correlation_reach;
         row.sums[w] = sums_of(from >= 0 && from < cells_.height ? from : cells_.height);
       }
-      for (int i = 0; i < 3; ++i) row.disparity[i] = disparity(y + i - 1) - 1;
+      for (int i = 0; i < edge_window; ++i) row.disparity[i] = disparity(y + i - edge_reach) - edge_reach;
       row.cells = cells_.width;
       row.left_noise = left_variance;
       row.right_noise = right_variance;
@@ -190,25 +190,25 @@ void MatchedViews::correlate() {
   parallel_for(cells_.height, rows_per_block, correlate_rows);
 }
 
-// Each cell takes the disparity that the map has at the centre of the cell. The outermost cells are repeated once.
+// Each cell takes the disparity that the map has at the centre of the cell. The outermost cells are repeated.
 void MatchedViews::place(const FloatView& disparity, Scale grid) {
-  const int stride = cells_.width + 2;
-  disparity_.resize(static_cast<size_t>(stride) * static_cast<size_t>(cells_.height + 2));
+  const int stride = cells_.width + 2 * edge_reach;
+  disparity_.resize(static_cast<size_t>(stride) * static_cast<size_t>(cells_.height + 2 * edge_reach));
   columns_of_grid_.resize(static_cast<size_t>(cells_.width));
   for (int x = 0; x < cells_.width; ++x) columns_of_grid_[static_cast<size_t>(x)] = place_of(x, grid.x, disparity.width);
   const int32_t* const column = columns_of_grid_.data();
   const bool whole = !field(0).is_part() && !field(1).is_part();
   const float columns_per_pixel = 1.0f / static_cast<float>(unit_);
-  for (int y = -1; y <= cells_.height; ++y) {
+  for (int y = -edge_reach; y < cells_.height + edge_reach; ++y) {
     const int row = std::clamp(y, 0, cells_.height - 1);
     const int from = place_of(row, grid.y, disparity.height);
     const FieldOfView::Extent left = field(0).extent(row, edge_cells);
     const FieldOfView::Extent right = field(1).extent(row, edge_cells);
     const float* const source = disparity.data + static_cast<ptrdiff_t>(from) * disparity.width;
-    float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + 1) * stride;
-    for (int x = 0; x < cells_.width; ++x) out[x + 1] = columns_per_pixel * source[column[x]];
+    float* const out = disparity_.data() + static_cast<ptrdiff_t>(y + edge_reach) * stride;
+    float* const cell = out + edge_reach;
+    for (int x = 0; x < cells_.width; ++x) cell[x] = columns_per_pixel * source[column[x]];
     if (!whole) {
-      float* const cell = out + 1;
       std::fill(cell, cell + std::min(left.first, cells_.width), unknown);
       std::fill(cell + std::clamp(left.last + 1, 0, cells_.width), cell + cells_.width, unknown);
       const float first = field(1).is_part() ? static_cast<float>(right.first) : -std::numeric_limits<float>::infinity();
@@ -218,8 +218,8 @@ void MatchedViews::place(const FloatView& disparity, Scale grid) {
         if (!(match >= first && match <= last)) cell[x] = unknown;
       }
     }
-    out[0] = out[1];
-    out[stride - 1] = out[stride - 2];
+    std::fill_n(out, edge_reach, cell[0]);
+    std::fill_n(cell + cells_.width, edge_reach, cell[cells_.width - 1]);
   }
 }
 

@@ -14,6 +14,7 @@
 #include "images/image.hpp"
 #include "images/resize.hpp"
 #include "images/size.hpp"
+#include "kernels/kernels.hpp"
 #include "maps/field_of_view.hpp"
 
 namespace endosdk {
@@ -71,7 +72,7 @@ class MatchedViews {
   // its edge, and cells whose match lies there. Correlation of the views around the cell is NaN where there is nothing to
   // compare. Support is the share of the network's confidence that the pictures leave. Odds is the factor on the odds of this
   // confidence.
-  const float* disparity(int y) const { return disparity_.data() + static_cast<ptrdiff_t>(y + 1) * (cells_.width + 2) + 1; }
+  const float* disparity(int y) const { return disparity_.data() + static_cast<ptrdiff_t>(y + edge_reach) * (cells_.width + 2 * edge_reach) + edge_reach; }
   const float* correlation(int y) const { return correlation_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
   const float* support(int y) const { return support_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
   const float* odds(int y) const { return odds_.data() + static_cast<ptrdiff_t>(y) * cells_.width; }
@@ -115,7 +116,7 @@ class MatchedViews {
   std::vector<float> levels_[2];  // grey level of each cell
   std::vector<float> brightness_[2];
   std::vector<uint16_t> differences_[2];  // second differences of one row of pixels
-  std::vector<float> disparity_;  // with one more cell on every side
+  std::vector<float> disparity_;  // with edge_reach more cells on every side
   std::vector<float> sums_;  // sums of each row of cells, and one more row of zeros
   std::vector<float> correlation_;
   std::vector<float> support_;
