@@ -32,7 +32,7 @@ from endosdk.io.progress import progress
 
 CLEAN_SET = Path(__file__).parents[2] / "datasets" / "endosim-gi-cycles"
 RIGHT_PX, WRONG_PX = 1.0, 3.0
-THRESHOLDS = 0.5, 0.6, 0.7, 0.8  # what `min_confidence` may be
+THRESHOLDS = 0.7, 0.8, 0.9, 0.95  # what `min_confidence` may be
 CONFIDENT_TO = 1 / 480  # of the width: the error below which confidence is the probability
 CONFIDENCE_BINS = 10  # of equal width
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.accuracy.trust import Tally, measure
+from benchmarks.accuracy.trust import THRESHOLDS, Tally, measure
 from benchmarks.accuracy.trust_cases import FAULTS, USABLE, Case, next_scene
 from benchmarks.tables import records, trust
 from endosdk import Cause, DepthEstimator, Reason, Status, StereoCalibration
@@ -116,13 +116,13 @@ def test_a_pixel_is_right_within_one_px_and_wrong_beyond_three():
 @pytest.mark.parametrize("off", [0, 6])
 def test_other_thresholds_of_confidence_drop_what_has_no_other_reason(off):
     unsure, hidden = Reason.LOW_CONFIDENCE, Reason.OUTSIDE_OVERLAP
-    confidence = [0.4, 0.5, 0.65, 0.75, 0.75, 0.9, 0.9, 0.9]
+    confidence = [0.65, 0.7, 0.85, 0.92, 0.92, 0.96, 0.96, 0.96]
     reasons = [unsure, unsure, unsure, unsure, 0, 0, hidden, unsure | hidden]
     found = tallied(row_of(8), disparity=[8 + off] * 8, confidence=confidence, reasons=reasons).pixels
     kind = "wrong" if off else "right"
     assert found[kind] == 8 and found[f"{kind}_valid"] == found["known_valid"] == 2
-    assert [found[f"{kind}_from_{threshold}"] for threshold in (0.5, 0.6, 0.7, 0.8)] == [5, 4, 3, 1]
-    assert not any(found[f"{'right' if off else 'wrong'}{rest}"] for rest in ("", "_valid", "_from_0.5"))
+    assert [found[f"{kind}_from_{threshold}"] for threshold in THRESHOLDS] == [5, 4, 3, 1]
+    assert not any(found[f"{'right' if off else 'wrong'}{rest}"] for rest in ("", "_valid", "_from_0.7"))
 
 
 def test_errors_of_depth_within_one_and_within_two_sigma():
@@ -204,7 +204,7 @@ def test_shares_are_of_what_their_names_say():
     """Known: 1000 pixels, half of them valid. No two shares are equal."""
     pixels = Counter(known=1000, known_valid=500, with_sigma=500, within_sigma=300, within_two_sigma=450)
     pixels.update(right=800, right_valid=400, wrong=50, wrong_valid=5, outside=40, outside_valid=1)
-    for i, threshold in enumerate((0.5, 0.6, 0.7, 0.8)):
+    for i, threshold in enumerate(THRESHOLDS):
         pixels.update({f"right_from_{threshold}": 8 * (90 - i), f"wrong_from_{threshold}": 40 - i})
     tally = Tally(pixels, Counter(OK=3, INVALID=5), Counter(DIM=2), named=2, areas=[0.1, 0.4])
     plain = tally.result(AS_IT_IS)
@@ -218,10 +218,10 @@ def test_shares_are_of_what_their_names_say():
         "wrong_called_valid": 0.1,
         "wrong_of_valid": 0.01,
         "called_valid_by_min_confidence": {
-            "0.5": {"right": 0.9, "wrong": 0.8},
-            "0.6": {"right": 0.89, "wrong": 0.78},
-            "0.7": {"right": 0.88, "wrong": 0.76},
-            "0.8": {"right": 0.87, "wrong": 0.74},
+            "0.7": {"right": 0.9, "wrong": 0.8},
+            "0.8": {"right": 0.89, "wrong": 0.78},
+            "0.9": {"right": 0.88, "wrong": 0.76},
+            "0.95": {"right": 0.87, "wrong": 0.74},
         },
         "outside_called_valid": 0.025,
         "within_sigma": 0.6,
