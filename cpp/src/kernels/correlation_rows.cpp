@@ -20,8 +20,9 @@ constexpr float supported = 0.3f;
 // the odds of its answer are multiplied by a factor, which falls from `even_odds` where the disparity is even. It falls with the
 // part of the change around a cell that lies right at the cell: 0 on an even surface, a half on a slope, 1 at a jump. Changes
 // well below `gentle` columns are neither.
-constexpr float even_odds = 22.0f;
-constexpr float fall = 10.0f;  // of the logarithm of the odds, down to a jump
+constexpr float even_odds = 39.0f;
+constexpr float log_even_odds = 3.6635616f;
+constexpr float fall = 12.0f;  // of the logarithm of the odds, down to a jump
 constexpr float gentle = 2.0f;
 // At the rim of the field of view, networks are more often right than they say.
 constexpr float rim_odds = 4.0f;
@@ -131,11 +132,14 @@ void correlate(const float (&sums)[correlation_sums][chunk], float left_noise, f
 }
 
 // The largest and the smallest values of each column over a window's rows. NaN is left out.
-void extremes_down(const float* const* rows, int rows_of_window, int count, float* __restrict high, float* __restrict low) {
+template <int window>
+void extremes_down(const float* const* given, int count, float* __restrict high, float* __restrict low) {
+  const float* rows[window];
+  for (int y = 0; y < window; ++y) rows[y] = given[y];
   for (int i = 0; i < count; ++i) {
     float most = -__builtin_inff();
     float least = __builtin_inff();
-    for (int y = 0; y < rows_of_window; ++y) {
+    for (int y = 0; y < window; ++y) {
       const float d = rows[y][i];
       most = d > most ? d : most;
       least = d < least ? d : least;
@@ -163,9 +167,11 @@ void spread_along(const float* high, const float* low, int count, float* __restr
 // Gives 1 where any cell of the window is not compared, and 0 elsewhere.
 void find_rim(const float* const (&around)[edge_window], int count, float* __restrict rim) {
   float unknown[chunk + edge_window - 1];
+  const float* rows[edge_window];
+  for (int y = 0; y < edge_window; ++y) rows[y] = around[y];
   for (int i = 0; i < count + edge_window - 1; ++i) {
     float any = 0.0f;
-    for (int y = 0; y < edge_window; ++y) any = around[y][i] == around[y][i] ? any : 1.0f;
+    for (int y = 0; y < edge_window; ++y) any = rows[y][i] == rows[y][i] ? any : 1.0f;
     unknown[i] = any;
   }
   for (int i = 0; i < count; ++i) {
@@ -185,16 +191,16 @@ void find_odds(const float* const (&around)[edge_window], int count, float* __re
   float inner[chunk];
   float outer[chunk];
   float rim_at[chunk];
-  extremes_down(around + margin, inner_window, count + edge_window - 1, high, low);
+  extremes_down<inner_window>(around + margin, count + edge_window - 1, high, low);
   spread_along<inner_window>(high + margin, low + margin, count, inner);
-  extremes_down(around, edge_window, count + edge_window - 1, high, low);
+  extremes_down<edge_window>(around, count + edge_window - 1, high, low);
   spread_along<edge_window>(high, low, count, outer);
   find_rim(around, count, rim_at);
   for (int i = 0; i < count; ++i) {
     const float jump = inner[i] / (outer[i] + gentle);
-    const float even = even_odds * (1.0f - one_minus_exp(fall * jump));
-    const float factor = inner[i] >= 0.0f ? even : 1.0f;  // negative where no cell around is compared
-    odds[i] = rim_at[i] != 0.0f ? rim_odds * factor : factor;
+    const float falls = inner[i] >= 0.0f ? fall * jump : log_even_odds;  // negative where no cell around is compared
+    const float most = rim_at[i] != 0.0f ? rim_odds * even_odds : even_odds;
+    odds[i] = most * (1.0f - one_minus_exp(falls));
   }
 }
 
