@@ -18,12 +18,12 @@ constexpr float supported = 0.3f;
 
 // A network makes its large errors at jumps of the disparity, and few on surfaces, whatever its own confidence says of both. So
 // the odds of its answer are multiplied by a factor, which falls from `even_odds` where the disparity is even. It falls with the
-// part of the change around a cell that lies right at the cell: 0 on an even surface, a half on a slope, 1 at a jump. Changes
+// part of the change around a cell that lies right at the cell: 0 on an even surface, a third on a slope, 1 at a jump. Changes
 // well below `gentle` columns are neither.
-constexpr float even_odds = 39.0f;
-constexpr float log_even_odds = 3.6635616f;
-constexpr float fall = 12.0f;  // of the logarithm of the odds, down to a jump
-constexpr float gentle = 2.0f;
+constexpr float even_odds = 130.0f;
+constexpr float log_even_odds = 4.8675345f;
+constexpr float fall = 18.0f;  // of the logarithm of the odds, down to a jump
+constexpr float gentle = 3.0f;
 // At the rim of the field of view, networks are more often right than they say.
 constexpr float rim_odds = 4.0f;
 constexpr float far_apart = 1000.0f;  // columns: more is a jump of any size
