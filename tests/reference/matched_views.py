@@ -17,7 +17,7 @@ FALLING = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1])  # weights of a window
 SMOOTHED = 6 / 16  # of the variance of noise, by the mask 1 2 1 of the brightness
 GLARING = 225.0  # grey level from which a cell does not count
 SUPPORTED = 0.3  # correlation from which the pictures fully support a match
-EVEN_ODDS, FALL, GENTLE, RIM_ODDS = 130.0, 18.0, 3.0, 4.0
+EVEN_ODDS, FALL, GENTLE, RIM_ODDS = 45.0, 14.0, 3.0, 4.0
 
 
 def placed(disparity: np.ndarray, fields: list[np.ndarray], size: tuple[int, int], unit: int) -> np.ndarray:

@@ -20,9 +20,9 @@ constexpr float supported = 0.3f;
 // the odds of its answer are multiplied by a factor, which falls from `even_odds` where the disparity is even. It falls with the
 // part of the change around a cell that lies right at the cell: 0 on an even surface, a third on a slope, 1 at a jump. Changes
 // well below `gentle` columns are neither.
-constexpr float even_odds = 130.0f;
-constexpr float log_even_odds = 4.8675345f;
-constexpr float fall = 18.0f;  // of the logarithm of the odds, down to a jump
+constexpr float even_odds = 45.0f;
+constexpr float log_even_odds = 3.8066625f;
+constexpr float fall = 14.0f;  // of the logarithm of the odds, down to a jump
 constexpr float gentle = 3.0f;
 // At the rim of the field of view, networks are more often right than they say.
 constexpr float rim_odds = 4.0f;
