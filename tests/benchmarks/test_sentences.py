@@ -167,7 +167,7 @@ def changes_by_fine_tuning():
 
 def cost_of_trust():
     shares = [case["share_of_a_frame"] for case in read("speed/trust_cost")["cases"].values()]
-    return whole_percent(min(shares)), whole_percent(max(shares))
+    return f"{100 * min(shares):.1f}", f"{100 * max(shares):.1f}"
 
 
 def noticed_flips():
