@@ -13,11 +13,19 @@ import pytest
 from tests.c_library import binding as c
 from tests.conftest import ROOT
 
-# What imports endosdk sets the switch for this process; a host in C does not.
+# What imports endosdk sets the switch for this process; a host in C does not. The reporter starts with the environment
+# that the host makes.
 HOST = """
 import ctypes, json, os, sys, time
 if sys.argv[1] == "runtime first":
+    class Base(ctypes.Structure):
+        _fields_ = [("get_api", ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint32)), ("version", ctypes.c_void_p)]
     runtime = ctypes.CDLL(sys.argv[2])
+    runtime.OrtGetApiBase.restype = ctypes.POINTER(Base)
+    functions = ctypes.cast(runtime.OrtGetApiBase().contents.get_api(20), ctypes.POINTER(ctypes.c_void_p))
+    create_environment = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)(functions[3])
+    environment = ctypes.c_void_p()
+    assert create_environment(2, b"host", ctypes.byref(environment)) is None
 before = os.environ.get("ORT_DISABLE_TELEMETRY")
 from tests.c_library import binding as c
 from tests.conftest import TINY_MODEL, shifted_pair
