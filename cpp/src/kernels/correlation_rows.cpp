@@ -21,7 +21,6 @@ constexpr float supported = 0.3f;
 // part of the change around a cell that lies right at the cell: 0 on an even surface, a third on a slope, 1 at a jump. Changes
 // well below `gentle` columns are neither.
 constexpr float even_odds = 45.0f;
-constexpr float log_even_odds = 3.8066625f;
 constexpr float fall = 14.0f;  // of the logarithm of the odds, down to a jump
 constexpr float gentle = 3.0f;
 // At the rim of the field of view, networks are more often right than they say.
@@ -198,9 +197,9 @@ void find_odds(const float* const (&around)[edge_window], int count, float* __re
   find_rim(around, count, rim_at);
   for (int i = 0; i < count; ++i) {
     const float jump = inner[i] / (outer[i] + gentle);
-    const float falls = inner[i] >= 0.0f ? fall * jump : log_even_odds;  // negative where no cell around is compared
-    const float most = rim_at[i] != 0.0f ? rim_odds * even_odds : even_odds;
-    odds[i] = most * (1.0f - one_minus_exp(falls));
+    const int known = inner[i] >= 0.0f;  // negative where no cell around is compared
+    const float even = (known ? even_odds : 1.0f) * (rim_at[i] != 0.0f ? rim_odds : 1.0f);
+    odds[i] = even * (1.0f - one_minus_exp(known ? fall * jump : 0.0f));
   }
 }
 
