@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "model/protobuf.hpp"
+#include "platform/lists.hpp"
 
 namespace endosdk {
 namespace {
@@ -21,10 +22,6 @@ constexpr uint64_t value_name = 1;
 constexpr uint64_t float_types[] = {1, 10, 11, 16};  // of 32, 16 and 64 bits, and bfloat16
 
 bool is_float(uint64_t type) { return std::find(std::begin(float_types), std::end(float_types), type) != std::end(float_types); }
-
-bool is_one_of(std::string_view operation, std::initializer_list<std::string_view> list) {
-  return std::find(list.begin(), list.end(), operation) != list.end();
-}
 
 // What is known of a value of the graph.
 struct Value {

@@ -23,11 +23,6 @@ constexpr std::string_view shape_operations[] = {
 // WebGPU has none of these, which keep the columns that a model looks at within the picture.
 constexpr std::string_view limits_of_columns[] = {"Max", "Min"};
 
-template <size_t count>
-bool is_one_of(std::string_view operation, const std::string_view (&list)[count]) {
-  return std::find(std::begin(list), std::end(list), operation) != std::end(list);
-}
-
 // The fused and 8-bit variants of heavy operations have these words in their names, too.
 bool is_heavy(std::string_view operation) {
   const auto has = [&](std::string_view part) { return operation.find(part) != std::string_view::npos; };
